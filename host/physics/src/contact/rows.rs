@@ -125,6 +125,9 @@ pub struct Contact {
     pub start: f64,
     /// The mass (kg) that the row moves.
     pub mass: f64,
+    /// The part of the overlap that the motion of an obstacle made (m). The obstacle does its work when the contact
+    /// undoes this part, with the force that the contact then has.
+    pub overrun: f64,
     /// Steps since the contact was found.
     pub age: u32,
     /// Whether an overlap parts.
@@ -254,6 +257,11 @@ impl Rows {
         &self.contacts
     }
 
+    /// Sets the overlap that the motion of an obstacle made in a contact (m).
+    pub(crate) fn set_overrun(&mut self, contact: usize, overrun: f64) {
+        self.contacts[contact].overrun = overrun;
+    }
+
     /// Ends a step: takes the response of each contact, in their order. A vertex `is_stopped` if it did not make the
     /// displacement that was solved.
     pub fn end<'a>(
@@ -279,6 +287,7 @@ impl Rows {
                 opening: (response.gap - contact.row.gap) / self.h,
                 friction: response.friction,
                 stiffness: contact.row.friction_stiffness,
+                overrun: contact.overrun,
                 age: contact.age + 1,
                 is_parting: contact.is_parting,
                 is_taken: false,
@@ -536,6 +545,7 @@ impl Rows {
             predicted: predicted - thickness,
             start: 0.0,
             mass: compliance.recip(),
+            overrun: 0.0,
             age: 0,
             is_parting: false,
             forces: [0.0; 2],
@@ -580,6 +590,7 @@ impl Rows {
             contact.is_parting = overlaps && parts;
             let Some(state) = state else { continue };
             contact.age = state.age;
+            contact.overrun = state.overrun;
             if state.is_parting && !overlaps {
                 self.report.released += state.stored();
                 continue;

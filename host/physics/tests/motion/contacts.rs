@@ -1,7 +1,7 @@
 //! Bodies that touch each other, themselves and obstacles, through all stages of a step.
 
 use alloc_count::calls::{are_counted, count};
-use physics::contact::obstacle::{Geometry, Motion, Obstacle};
+use physics::contact::obstacle::{Geometry, Motion, Obstacle, TimedPose};
 use physics::contact::shape::Shape;
 use physics::contact::{Meeting, Skin, crossing::passes};
 use physics::mesh::generate::{self, Pattern};
@@ -609,4 +609,40 @@ fn a_row_stops_what_stands_on_its_vertices() {
     }
     // A row whose multiplier alone is carried on within the step ends at a quarter.
     assert!(deepest > 0.0 && deepest < 0.2 * RADIUS, "{deepest}");
+}
+
+#[test]
+fn a_plane_that_lifts_a_sheet_does_the_work() {
+    let mut world = World::new();
+    world.sheet([0.02, 0.02], [4, 4], DOWN, |x| x + Vec3::z() * RADIUS);
+    let at = |time: f64, z: f64| TimedPose {
+        time,
+        pose: (Vec3::z() * z).into(),
+    };
+    world.obstacle(
+        Shape::Plane,
+        Motion::Poses(vec![
+            at(0.0, 0.0),
+            at(0.1, 0.0),
+            at(0.3, 2e-3),
+            at(0.5, 2e-3),
+        ]),
+    );
+    world.complete(0.3);
+    let energy = |world: &World| world.bodies[0].total_energy();
+    let start = energy(&world);
+    let [mut driven, mut taken, mut given] = [0.0_f64; 3];
+    for _ in 0..120 {
+        world.step();
+        let report = world.contacts.report();
+        driven += report.by_obstacles;
+        taken += report.taken + report.stopped;
+        given = given.max(-taken);
+    }
+    let lifted = world.weight(0) * 2e-3;
+    // What the plane does at first against the inertia of the sheet is lost again.
+    let gained = energy(&world) - start;
+    assert!((gained / lifted - 1.0).abs() < 1e-3, "{gained} {lifted}");
+    assert!((driven / lifted - 1.0).abs() < 1e-2, "{driven} {lifted}");
+    assert!(given < 2e-3 * driven, "{given} {driven}");
 }

@@ -52,7 +52,8 @@ pub struct ContactReport {
     /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction
     /// springs, dissipated by friction, and by normal forces that depart from the law of a rigid contact.
     pub taken: f64,
-    /// The work of moving obstacles until the vertices that they touch stopped, and on vertices that they take along (J).
+    /// The work of moving obstacles on vertices that give way, at the latest when an overlap that the obstacles made is undone, and
+    /// on vertices that they take along (J).
     pub by_obstacles: f64,
     /// The work with which overlaps parted (J).
     pub parted: f64,
@@ -106,14 +107,12 @@ impl Contacts {
         for (touch, row) in self.touches.iter().zip(&self.of_row) {
             responses[*row] = Some(touch.response);
             let contact = &self.rows.contacts()[*row];
-            if touch.response.normal == 0.0 {
+            if touch.response.normal == 0.0 && contact.row.motion == Vec3::zeros() {
+                self.rows.set_overrun(*row, 0.0);
                 continue;
             }
-            let force = touch.force();
-            let mut motion = contact.row.motion;
-            if motion != Vec3::zeros() {
-                motion *= self.part_of(contact);
-            }
+            let (force, normal) = (touch.force(), &contact.row.normal);
+            let motion = contact.row.motion * self.part_of(contact);
             let (mut on_bodies, mut ju) = (0.0, -motion);
             let are_bodies = self.are_two_bodies(contact.parts);
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
@@ -130,17 +129,29 @@ impl Contacts {
                     ju += moved * weight;
                 }
             }
+            let opened = normal.dot(&ju);
+            let mut by_obstacles = force.dot(&motion);
+            let mut overrun = 0.0;
             if contact.is_parting {
                 // An overlap that truncation keeps from parting takes energy, as any contact does.
-                let parted = touch.response.normal * contact.row.normal.dot(&ju);
-                let parted = parted.max(0.0);
+                let parted = touch.response.normal * opened.max(0.0);
                 self.report.parted += parted;
                 self.report.taken += parted;
+            } else {
+                // The obstacle pushes as far as it has come and the vertices give way.
+                let [came, all] = [&motion, &contact.row.motion].map(|by| normal.dot(by));
+                let room = contact.overrun + all.max(0.0);
+                let pushed = (opened + came.max(0.0)).max(0.0).min(room);
+                by_obstacles += touch.response.normal * (pushed - came.max(0.0));
+                let overlap = all - came - opened - contact.row.gap;
+                overrun = (room - pushed).min(overlap).max(0.0);
             }
-            let by_obstacles = force.dot(&motion);
             self.report.taken += by_obstacles - on_bodies;
             self.report.by_obstacles += by_obstacles;
-            add_to(&mut self.touching, contact.parts, touch);
+            if touch.response.normal > 0.0 {
+                add_to(&mut self.touching, contact.parts, touch);
+            }
+            self.rows.set_overrun(*row, overrun);
         }
         for (touch, (corner, _)) in self.facets.touches.iter().zip(&self.facets.of) {
             if touch.response.normal > 0.0 {
