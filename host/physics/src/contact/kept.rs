@@ -49,6 +49,8 @@ pub(crate) struct Kept {
     pub friction: Vec3,
     /// The stiffness of its spring (N/m).
     pub stiffness: f64,
+    /// The stiffness along the normal that the bodies behind the contact needed (N/m); zero if that of the rule was enough.
+    pub stiffened: f64,
     /// The part of the overlap that the motion of an obstacle made (m).
     pub overrun: f64,
     /// Steps since the contact was found.
@@ -103,6 +105,7 @@ mod tests {
             opening: 0.0,
             friction: Vec3::new(3.0, 0.0, 4.0),
             stiffness: 2.0,
+            stiffened: 0.0,
             overrun: 0.0,
             age: 1,
             is_parting: false,

@@ -4,7 +4,7 @@
 //! second one over the step, and `o` that of an obstacle's material point. With the gap `g(u) = g0 + n . (J u - o)`:
 //!
 //! ```text
-//! normal    lam(u) = max(0, lam^ - k_n g(u))
+//! normal    lam(u) = min(max(0, lam^ - k_n g(u)), most)
 //! friction  tau(u) = tau^ - k_t (I - n n^T)(J u - o),    force tau min(1, mu lam / |tau|)
 //! ```
 //!
@@ -44,7 +44,7 @@ pub struct Row {
     pub friction_stiffness: f64,
     /// The multiplier that is carried (N).
     pub carried: f64,
-    /// The largest multiplier that is carried (N).
+    /// The largest normal force (N).
     pub most: f64,
     /// The force of the friction spring that is carried (N), across the normal.
     pub anchored: Vec3,
@@ -70,8 +70,19 @@ impl Row {
     pub fn response(&self, ju: &Vec3) -> Response {
         let relative = ju - self.motion;
         let gap = self.gap + self.normal.dot(&relative);
-        let normal = (self.carried - self.normal_stiffness * gap).max(0.0);
+        let normal = self.normal_force(gap);
         self.with_normal(&relative, gap, normal, self.friction * normal)
+    }
+
+    /// The normal force (N) at a gap (m).
+    fn normal_force(&self, gap: f64) -> f64 {
+        let linear = self.carried - self.normal_stiffness * gap;
+        linear.max(0.0).min(self.most)
+    }
+
+    /// Whether a response has the largest normal force.
+    pub fn is_at_most(&self, response: &Response) -> bool {
+        response.normal >= self.most
     }
 
     fn with_normal(&self, relative: &Vec3, gap: f64, normal: f64, most: f64) -> Response {
@@ -104,7 +115,7 @@ impl Row {
     pub fn force_with(&self, ju: &Vec3, most: f64) -> Vec3 {
         let relative = ju - self.motion;
         let gap = self.gap + self.normal.dot(&relative);
-        let normal = (self.carried - self.normal_stiffness * gap).max(0.0);
+        let normal = self.normal_force(gap);
         self.normal * normal + self.with_normal(&relative, gap, normal, most).friction
     }
 
@@ -112,8 +123,9 @@ impl Row {
     pub fn energy(&self, ju: &Vec3, friction: &Vec3) -> f64 {
         let relative = ju - self.motion;
         let gap = self.gap + self.normal.dot(&relative);
-        let normal = (self.carried - self.normal_stiffness * gap).max(0.0);
-        0.5 * normal * normal / self.normal_stiffness - friction.dot(&relative)
+        let normal = self.normal_force(gap);
+        let linear = self.carried - self.normal_stiffness * gap;
+        normal * (linear - 0.5 * normal) / self.normal_stiffness - friction.dot(&relative)
     }
 
     /// The tangent (N/m) at a response: symmetric and positive semidefinite. The coupling of the friction force to the
@@ -131,7 +143,12 @@ impl Row {
             across -= direction * direction.transpose();
             stiffness *= response.friction.norm() / length;
         }
-        along * self.normal_stiffness + across * stiffness
+        let along = if self.is_at_most(response) {
+            Mat3::zeros()
+        } else {
+            along * self.normal_stiffness
+        };
+        along + across * stiffness
     }
 }
 
@@ -201,7 +218,7 @@ mod tests {
             normal_stiffness: 100.0,
             friction_stiffness: 50.0,
             carried: 1.0,
-            most: f64::INFINITY,
+            most: 2.0,
             anchored: Vec3::zeros(),
         }
     }
@@ -251,6 +268,15 @@ mod tests {
     }
 
     #[test]
+    fn a_force_does_not_grow_beyond_the_largest_one() {
+        let row = row();
+        let [below, beyond] = [-0.009, -0.1].map(|z| row.response(&Vec3::new(0.0, 0.0, z)));
+        assert_eq!((below.normal, row.is_at_most(&below)), (1.9, false));
+        assert_eq!((beyond.normal, row.is_at_most(&beyond)), (2.0, true));
+        assert_eq!(row.tangent(&beyond).column(2), Vec3::zeros());
+    }
+
+    #[test]
     fn an_opening_contact_carries_less() {
         assert_eq!(carried([2.0, 1.0], 0.0, 1e-3, 1e-5), 2.0);
         assert_eq!(carried([2.0, 3.0], -1.0, 1e-3, 1e-5), 2.0);
@@ -269,7 +295,8 @@ mod tests {
             let response = row.response(&ju);
             let most = row.friction * response.normal;
             // Away from the corners of the law.
-            prop_assume!((response.spring.norm() - most).abs() > 1e-3 && response.normal != 0.0);
+            let near_most = (row.carried - row.normal_stiffness * response.gap - row.most).abs() < 1e-3;
+            prop_assume!((response.spring.norm() - most).abs() > 1e-3 && response.normal != 0.0 && !near_most);
             let tangent = row.tangent(&response);
             for axis in 0..3 {
                 let mut by = Vec3::zeros();

@@ -36,8 +36,9 @@ const PARTED: f64 = 0.02;
 const PARTING_TIME: f64 = 0.1;
 /// See [`PARTING_TIME`].
 const SLOWEST: f64 = 5e-3;
-/// The depth, in thicknesses, beyond which the multiplier of a contact is carried on within the step.
-const DEEP: f64 = 0.25;
+/// The depth, in thicknesses, beyond which the multiplier of a contact is carried on within the step. An overlap is made at a
+/// smaller force than it is undone, and the contact gives the difference.
+const DEEP: f64 = 0.05;
 /// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
 const HELD: f64 = 0.05;
 /// A vertex goes before edges that are deeper by less than this fraction.
@@ -128,6 +129,8 @@ pub struct Contact {
     /// The part of the overlap that the motion of an obstacle made (m). The obstacle does its work when the contact
     /// undoes this part, with the force that the contact then has.
     pub overrun: f64,
+    /// The stiffness along the normal that the bodies behind the contact needed (N/m); zero if that of the rule was enough.
+    pub stiffened: f64,
     /// Steps since the contact was found.
     pub age: u32,
     /// Whether an overlap parts.
@@ -262,6 +265,11 @@ impl Rows {
         self.contacts[contact].overrun = overrun;
     }
 
+    /// Sets the stiffness along the normal that the bodies behind a contact needed (N/m).
+    pub(crate) fn set_stiffened(&mut self, contact: usize, stiffened: f64) {
+        self.contacts[contact].stiffened = stiffened;
+    }
+
     /// Ends a step: takes the response of each contact, in their order. A vertex `is_stopped` if it did not make the
     /// displacement that was solved.
     pub fn end<'a>(
@@ -279,7 +287,6 @@ impl Rows {
             } else {
                 f64::INFINITY
             };
-            let most = most.min(contact.row.most);
             self.kept.push(Kept {
                 key: contact.key,
                 normal: contact.row.normal,
@@ -287,6 +294,7 @@ impl Rows {
                 opening: (response.gap - contact.row.gap) / self.h,
                 friction: response.friction,
                 stiffness: contact.row.friction_stiffness,
+                stiffened: contact.stiffened,
                 overrun: contact.overrun,
                 age: contact.age + 1,
                 is_parting: contact.is_parting,
@@ -546,6 +554,7 @@ impl Rows {
             start: 0.0,
             mass: compliance.recip(),
             overrun: 0.0,
+            stiffened: 0.0,
             age: 0,
             is_parting: false,
             forces: [0.0; 2],
@@ -597,6 +606,7 @@ impl Rows {
             }
             contact.forces = state.forces;
             contact.opened = (state.forces[0] > 0.0).then_some(state.opening);
+            contact.stiffened = state.stiffened;
             row.anchored = state.friction_across(&row.normal);
             // Kept for the change of the stiffness.
             row.friction_stiffness = state.stiffness;
@@ -702,7 +712,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         let softer = row.friction_stiffness.recip() - before.recip();
         report.restrung += 0.5 * row.anchored.norm_squared() * softer;
     }
-    row.normal_stiffness = stiffness.normal();
+    row.normal_stiffness = stiffness.normal().max(contact.stiffened);
     row.depth = DEEP * stiffness.thickness;
     row.carried = carried(contact.forces, opening, step.h, stiffness.depth()).min(row.most);
     if contact.is_parting {

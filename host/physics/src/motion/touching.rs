@@ -18,6 +18,8 @@ const MOST_UPDATES: usize = 10;
 /// A contact that is too deep becomes this many times as stiff as the bodies were against the last change of its force. One more
 /// update leaves a ninth of the depth.
 const STIFFER: f64 = 8.0;
+/// The least change of a gap, in depths that a contact may have, that tells how stiff the bodies are.
+const RESOLVED: f64 = 1e-5;
 /// Most passes of a step, for each update of the multipliers.
 const PASSES: usize = 12;
 /// The iterations of a pass end at this fraction of its residual.
@@ -95,12 +97,9 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
     fn stiffen(&mut self) {
         let Response { normal, gap, .. } = self.response;
         let needed = self.row.carried / self.row.depth;
-        let of_bodies = (normal - self.before.normal) / (gap - self.before.gap);
-        let of_bodies = if of_bodies.is_finite() {
-            of_bodies
-        } else {
-            0.0
-        };
+        let [more, wider] = [normal - self.before.normal, gap - self.before.gap];
+        let is_resolved = more > 0.0 && wider > RESOLVED * self.row.depth;
+        let of_bodies = if is_resolved { more / wider } else { 0.0 };
         let own = &mut self.row.normal_stiffness;
         *own = own.max(needed).max(STIFFER * of_bodies);
     }
@@ -173,7 +172,10 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
         load(bodies, touch, &touch.force());
     }
     bodies.iter_mut().flatten().for_each(E::hold_pairs);
-    let is_deep = |touch: &Touch<N>| touch.response.gap < -touch.row.depth;
+    let is_deep = |touch: &Touch<N>| {
+        let Touch { row, response, .. } = touch;
+        row.depth > 0.0 && response.gap < -row.depth && !row.is_at_most(response)
+    };
     let mut is_solved = false;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
@@ -183,8 +185,8 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             }
             for touch in &mut *touches {
                 let before = touch.force();
-                touch.row.carried = touch.response.normal.min(touch.row.most);
-                if touch.row.depth > 0.0 && is_deep(touch) && update > updates {
+                touch.row.carried = touch.response.normal;
+                if update > updates && is_deep(touch) {
                     touch.stiffen();
                 }
                 touch.before = touch.response;

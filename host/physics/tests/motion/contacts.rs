@@ -646,3 +646,80 @@ fn a_plane_that_lifts_a_sheet_does_the_work() {
     assert!((driven / lifted - 1.0).abs() < 1e-2, "{driven} {lifted}");
     assert!(given < 2e-3 * driven, "{given} {driven}");
 }
+
+/// A half tube of 3 GPa stands on a plane, and a lid comes down on its edge at `speed` (m/s), `down` (m) beyond the touch.
+/// Returns the work of the lid, the most that contacts gave on the way, and the most that the tube gained beyond that work (J).
+fn press_edge(cells: [u32; 2], friction: f64, speed: f64, down: f64) -> [f64; 3] {
+    let mut world = World::new();
+    let (around, height) = (8e-3, 0.02);
+    let [along, up] = cells;
+    let mut mesh = generate::sheet(0.024, height, along, up, Pattern::Alternating).unwrap();
+    for x in &mut mesh.positions {
+        let angle = x.x / around;
+        *x = Vec3::new(angle.cos() * around, angle.sin() * around, x.y);
+    }
+    let low = mesh.positions.iter().fold(f64::INFINITY, |z, x| z.min(x.z));
+    mesh.positions.iter_mut().for_each(|x| x.z += RADIUS - low);
+    let material = Material {
+        young: 3e9,
+        poisson: 0.3,
+        thickness: 2.0 * RADIUS,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: DOWN,
+        stiffness_damping: 1e-3,
+        ..BodyConfig::default()
+    };
+    let body = Body::sheet(&mesh, &[material], config, &[]).unwrap();
+    world.add(body, Mesh::Sheet(mesh), RADIUS, false);
+    world.still(Shape::Plane, Vec3::zeros());
+    let half = Vec3::new(0.03, 0.03, 5e-3);
+    let touches = height + 2.0 * RADIUS + half.z;
+    let at = |time: f64, z: f64| TimedPose {
+        time,
+        pose: (Vec3::z() * z).into(),
+    };
+    let (rests, above) = (0.1, 1e-5);
+    let stands = rests + (down + above) / speed;
+    world.obstacle(
+        Shape::Box { half },
+        Motion::Poses(vec![
+            at(0.0, touches + above),
+            at(rests, touches + above),
+            at(stands, touches - down),
+        ]),
+    );
+    world.complete(friction);
+    let energy = |world: &World| world.bodies[0].total_energy();
+    let start = energy(&world);
+    let [mut driven, mut taken, mut given, mut beyond] = [0.0_f64; 4];
+    while f64::from(world.steps) * H < stands + 0.1 {
+        world.step();
+        let report = world.contacts.report();
+        driven += report.by_obstacles;
+        taken += report.taken + report.stopped;
+        given = given.max(-taken);
+        beyond = beyond.max(energy(&world) - start - driven);
+    }
+    [driven, given, beyond]
+}
+
+#[test]
+fn a_stiff_edge_that_is_pressed_gets_the_work_of_what_presses() {
+    let down = 0.2e-3;
+    // Each end may be 0.05 thicknesses deep at a force that the press reaches from zero: two overlaps at the whole force, of
+    // `down` at half of it.
+    let most = 2.0 * 0.05 * RADIUS / (0.5 * down);
+    for cells in [[12, 10], [9, 7], [14, 5]] {
+        for friction in [0.0, 0.3] {
+            for speed in [0.5e-3, 1e-3, 4e-3] {
+                let [driven, given, beyond] = press_edge(cells, friction, speed, down);
+                let [given, beyond] = [given / driven, beyond / driven];
+                println!("{cells:?} {friction} {speed} {driven} {given} {beyond}");
+                assert!(given < most, "{cells:?} {friction} {speed}: {given}");
+                assert!(beyond < 0.02, "{cells:?} {friction} {speed}: {beyond}");
+            }
+        }
+    }
+}

@@ -151,7 +151,16 @@ impl Contacts {
             if touch.response.normal > 0.0 {
                 add_to(&mut self.touching, contact.parts, touch);
             }
+            // What a step that was not solved took may come from rows against each other.
+            let stiffness = touch.row.normal_stiffness;
+            let is_stiffened = stiffness > contact.row.normal_stiffness;
+            let stiffened = if is_stiffened && self.report.solved.converged {
+                stiffness
+            } else {
+                contact.stiffened
+            };
             self.rows.set_overrun(*row, overrun);
+            self.rows.set_stiffened(*row, stiffened);
         }
         for (touch, (corner, _)) in self.facets.touches.iter().zip(&self.facets.of) {
             if touch.response.normal > 0.0 {
