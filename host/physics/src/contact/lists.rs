@@ -422,8 +422,10 @@ impl Lists {
             *to = x[*vertex as usize];
         }
         if is_lost || !self.store(number) {
-            self.kept[number].radius = f64::NEG_INFINITY;
-            self.kept[number].entries = 0..0;
+            let list = &mut self.kept[number];
+            list.radius = f64::NEG_INFINITY;
+            // The list keeps its place: the room there is its own.
+            list.entries.end = list.entries.start;
         }
     }
 

@@ -2,7 +2,9 @@
 
 use super::motions::{self, Scene};
 use physics::Vec3;
-use physics::contact::{Counts, Lists, Moves, Pair, Surfaces};
+use physics::contact::{Counts, Lists, Moves, Pair, Skin, Surfaces};
+use physics::mesh::Mesh;
+use physics::mesh::generate::{self, Pattern};
 use std::collections::BTreeSet;
 
 /// What each cluster may move in a step (m), beside the radii.
@@ -97,4 +99,40 @@ fn a_rigid_motion_costs_no_search() {
     let counts = run(scene, 100, |_, _| {});
     assert!(counts[0].searched > 0);
     assert!(counts[1..].iter().all(|counts| counts.searched == 0));
+}
+
+#[test]
+fn a_search_without_room_for_its_pairs_leaves_the_other_lists() {
+    let mut surfaces = Surfaces::default();
+    let skin = Skin {
+        radius: 0.15e-3,
+        touches_itself: false,
+        is_obstacle: false,
+    };
+    let mut x = Vec::new();
+    // The two larger sheets have more pairs than the lists have room.
+    for (number, [along, across]) in [(0.0, [2, 2]), (1.0, [6, 5]), (2.0, [6, 5])] {
+        let size = [along, across].map(|cells| 5e-3 * f64::from(cells));
+        let mut mesh =
+            generate::sheet(size[0], size[1], along, across, Pattern::Alternating).unwrap();
+        let by = Vec3::new(1e-3, 2e-3, 0.3e-3) * number;
+        mesh.positions.iter_mut().for_each(|at| *at += by);
+        x.extend_from_slice(&mesh.positions);
+        surfaces.add(&Mesh::Sheet(mesh), skin).unwrap();
+    }
+    let mut lists = Lists::new(&surfaces, &x);
+    let reaching = |most: f64| Moves {
+        most,
+        ..Moves::default()
+    };
+    // The last sheet alone goes far in the second step, so that the first list stays where it is.
+    let (near, wide, far) = (moves(&surfaces), reaching(1e-3), reaching(0.1));
+    let reaches = [[wide; 3], [near, near, far], [near; 3], [near; 3]];
+    for (step, each) in reaches.into_iter().enumerate() {
+        x.iter_mut().for_each(|at| at.z += 1e-4 * at.x);
+        lists.follow(&surfaces, &x, |_, cluster| each[cluster]);
+        let (needed, found) = (all_near(&surfaces, &x), listed(&lists, &surfaces, &x));
+        let missed: Vec<_> = needed.difference(&found).collect();
+        assert!(needed.len() > 40 && missed.is_empty(), "{step}: {missed:?}");
+    }
 }
