@@ -129,7 +129,9 @@ fn a_search_without_room_for_its_pairs_leaves_the_other_lists() {
     let (near, wide, far) = (moves(&surfaces), reaching(1e-3), reaching(0.1));
     let reaches = [[wide; 3], [near, near, far], [near; 3], [near; 3]];
     for (step, each) in reaches.into_iter().enumerate() {
-        x.iter_mut().for_each(|at| at.z += 1e-4 * at.x);
+        for at in &mut x {
+            at.z += 1e-4 * at.x;
+        }
         lists.follow(&surfaces, &x, |_, cluster| each[cluster]);
         let (needed, found) = (all_near(&surfaces, &x), listed(&lists, &surfaces, &x));
         let missed: Vec<_> = needed.difference(&found).collect();
