@@ -105,7 +105,7 @@ impl Contacts {
                 mark(surfaces.part_of(vertex));
             }
         });
-        let mut overrun = 0;
+        let mut run_over = 0;
         let hierarchy = lists.hierarchy();
         for (number, placed) in self.shapes.iter().enumerate() {
             for (index, cluster) in hierarchy.clusters().iter().enumerate() {
@@ -130,13 +130,13 @@ impl Contacts {
                     }
                     self.pushed[at] = self.pushed[at].max(least);
                     if most.max(0.0) < *fraction {
-                        overrun += usize::from(self.mass[at].is_infinite() || most < 0.0);
+                        run_over += usize::from(self.mass[at].is_infinite() || most < 0.0);
                         *fraction = most.max(0.0);
                     }
                 }
             }
         }
-        self.overrun = overrun;
+        self.run_over = run_over;
         self.truncate();
     }
 
@@ -275,7 +275,7 @@ impl Contacts {
         let is_free = |vertex: u32| mass[vertex as usize].is_finite();
         let each = |found: &mut dyn FnMut(crate::contact::Pair)| lists.each(surfaces, x, found);
         self.report.truncated = truncate(surfaces, x, u, &each, &is_free, &mut self.fractions);
-        self.report.truncated.squeezed += self.overrun;
+        self.report.truncated.squeezed += self.run_over;
     }
 
     /// Takes the solved displacements.

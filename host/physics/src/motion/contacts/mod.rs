@@ -103,7 +103,7 @@ pub struct Contacts {
     mass: Vec<f64>,
     fractions: Vec<f64>,
     /// Vertices over which a shape moves in the step.
-    overrun: usize,
+    run_over: usize,
     /// By vertex: the least fraction of the displacement with which it makes way for a moving shape.
     pushed: Vec<f64>,
     /// The contacts in the order of their islands; of each the number of its row.
@@ -151,7 +151,7 @@ impl Contacts {
             v: Vec::new(),
             mass: Vec::new(),
             fractions: Vec::new(),
-            overrun: 0,
+            run_over: 0,
             pushed: Vec::new(),
             touches: Vec::new(),
             of_row: Vec::new(),
