@@ -87,14 +87,14 @@ pub struct ContactPair {
     pub friction: f64,
     /// The distance between the two meshes at which the two touch (m).
     pub distance: f64,
-    /// The largest pressure that contacts carry on from step to step (Pa).
+    /// The largest pressure of the contacts (Pa).
     pub pressure: f64,
 }
 
-/// The largest pressure that contacts carry on, in Young's moduli: the largest one of each body (of a weave, that of its warp),
+/// The largest pressure of contacts, in Young's moduli: the largest one of each body (of a weave, that of its warp),
 /// and the smaller one of both bodies. A linear tetrahedron is flat at one
-/// modulus; a vertex of a coarse mesh bears the force of a sharp press alone.
-const CRUSHING: f64 = 10.0;
+/// modulus; a vertex of a coarse mesh bears the force of a sharp press alone, and a thread presses on a narrow area.
+const CRUSHING: f64 = 100.0;
 
 /// The contacts of a world.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -49,7 +49,7 @@ pub(crate) struct Kept {
     pub friction: Vec3,
     /// The stiffness of its spring (N/m).
     pub stiffness: f64,
-    /// The stiffness along the normal that the bodies behind the contact needed (N/m); zero if that of the rule was enough.
+    /// The stiffness along the normal that the contact took within a step (N/m); zero if it has taken none.
     pub stiffened: f64,
     /// The part of the overlap that the motion of an obstacle made (m).
     pub overrun: f64,

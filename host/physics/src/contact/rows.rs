@@ -36,8 +36,8 @@ const PARTED: f64 = 0.02;
 const PARTING_TIME: f64 = 0.1;
 /// See [`PARTING_TIME`].
 const SLOWEST: f64 = 5e-3;
-/// The depth, in thicknesses, beyond which the multiplier of a contact is carried on within the step. An overlap is made at a
-/// smaller force than it is undone, and the contact gives the difference.
+/// The depth, in thicknesses, beyond which the multiplier of a contact is carried on within the step. A contact
+/// undoes its overlap with a larger force than the force that made it, and gives the difference as energy.
 const DEEP: f64 = 0.05;
 /// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
 const HELD: f64 = 0.05;
@@ -53,8 +53,8 @@ pub struct Meeting {
     pub distance: f64,
     /// The coefficient of friction.
     pub friction: f64,
-    /// The largest pressure (Pa) that multipliers carry on. Where there is no room for the thickness between things that are
-    /// pushed, rows act against each other, and their multipliers would grow without bound.
+    /// The largest pressure (Pa) of a contact. Where there is no room for the thickness between things that are pushed, rows act
+    /// against each other, and their forces would grow without bound.
     pub pressure: f64,
 }
 
@@ -129,7 +129,7 @@ pub struct Contact {
     /// The part of the overlap that the motion of an obstacle made (m). The obstacle does its work when the contact
     /// undoes this part, with the force that the contact then has.
     pub overrun: f64,
-    /// The stiffness along the normal that the bodies behind the contact needed (N/m); zero if that of the rule was enough.
+    /// The stiffness along the normal that the contact took within a step (N/m); zero if it has taken none.
     pub stiffened: f64,
     /// Steps since the contact was found.
     pub age: u32,
@@ -265,7 +265,7 @@ impl Rows {
         self.contacts[contact].overrun = overrun;
     }
 
-    /// Sets the stiffness along the normal that the bodies behind a contact needed (N/m).
+    /// Sets the stiffness along the normal that a contact took within the step (N/m).
     pub(crate) fn set_stiffened(&mut self, contact: usize, stiffened: f64) {
         self.contacts[contact].stiffened = stiffened;
     }

@@ -18,7 +18,7 @@ const MOST_UPDATES: usize = 10;
 /// A contact that is too deep becomes this many times as stiff as the bodies were against the last change of its force. One more
 /// update leaves a ninth of the depth.
 const STIFFER: f64 = 8.0;
-/// The least change of a gap, in depths that a contact may have, that tells how stiff the bodies are.
+/// The least change of a gap that tells how stiff the bodies are, as a fraction of the depth that the contact may have.
 const RESOLVED: f64 = 1e-5;
 /// Most passes of a step, for each update of the multipliers.
 const PASSES: usize = 12;
@@ -154,9 +154,9 @@ fn load<E: JointEquation, N: AsRef<[(At, f64)]>>(
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step. Further updates follow while the passes solve the step and a contact is too deep; such a contact becomes stiffer.
-/// `out_of_time` is called after each iteration;
-/// if it returns true, the step continues with the solution so far.
+/// step. Further updates follow while the passes solve the step and a contact is too deep and has not its largest force; such a
+/// contact becomes stiffer. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution
+/// so far.
 pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
     touches: &mut [Touch<N>],

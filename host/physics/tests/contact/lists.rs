@@ -133,6 +133,9 @@ fn a_search_without_room_for_its_pairs_leaves_the_other_lists() {
             at.z += 1e-4 * at.x;
         }
         lists.follow(&surfaces, &x, |_, cluster| each[cluster]);
+        // A search that finds more pairs than there is room ends at 32 for each element.
+        let room = 32 * (surfaces.triangles.len() + surfaces.edges.len());
+        assert_eq!(lists.counts().listed > room, step == 1);
         let (needed, found) = (all_near(&surfaces, &x), listed(&lists, &surfaces, &x));
         let missed: Vec<_> = needed.difference(&found).collect();
         assert!(needed.len() > 40 && missed.is_empty(), "{step}: {missed:?}");

@@ -607,8 +607,8 @@ fn a_row_stops_what_stands_on_its_vertices() {
         let touching = world.contacts.touching().iter();
         deepest = touching.map(|sum| sum.depth).fold(deepest, f64::max);
     }
-    // A row whose multiplier alone is carried on within the step ends at a quarter.
-    assert!(deepest > 0.0 && deepest < 0.2 * RADIUS, "{deepest}");
+    // A contact may be a twentieth deep.
+    assert!(deepest > 0.0 && deepest < 0.05 * RADIUS, "{deepest}");
 }
 
 #[test]
@@ -708,15 +708,13 @@ fn press_edge(cells: [u32; 2], friction: f64, speed: f64, down: f64) -> [f64; 3]
 #[test]
 fn a_stiff_edge_that_is_pressed_gets_the_work_of_what_presses() {
     let down = 0.2e-3;
-    // Each end may be 0.05 thicknesses deep at a force that the press reaches from zero: two overlaps at the whole force, of
-    // `down` at half of it.
+    // Each of the two ends may overlap by 0.05 thicknesses at the whole force; the press goes `down` at half of it on average.
     let most = 2.0 * 0.05 * RADIUS / (0.5 * down);
     for cells in [[12, 10], [9, 7], [14, 5]] {
         for friction in [0.0, 0.3] {
             for speed in [0.5e-3, 1e-3, 4e-3] {
                 let [driven, given, beyond] = press_edge(cells, friction, speed, down);
                 let [given, beyond] = [given / driven, beyond / driven];
-                println!("{cells:?} {friction} {speed} {driven} {given} {beyond}");
                 assert!(given < most, "{cells:?} {friction} {speed}: {given}");
                 assert!(beyond < 0.02, "{cells:?} {friction} {speed}: {beyond}");
             }

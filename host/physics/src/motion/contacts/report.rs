@@ -151,10 +151,10 @@ impl Contacts {
             if touch.response.normal > 0.0 {
                 add_to(&mut self.touching, contact.parts, touch);
             }
-            // What a step that was not solved took may come from rows against each other.
+            // Without a solution, or without room, the stiffness may come from rows against each other.
+            let is_solved = self.report.solved.converged && self.report.truncated.squeezed == 0;
             let stiffness = touch.row.normal_stiffness;
-            let is_stiffened = stiffness > contact.row.normal_stiffness;
-            let stiffened = if is_stiffened && self.report.solved.converged {
+            let stiffened = if is_solved && stiffness > contact.row.normal_stiffness {
                 stiffness
             } else {
                 contact.stiffened

@@ -2,7 +2,7 @@
 //!
 //! Loads and displacements grow in load steps, as those of a body alone. Each iteration of Newton's method finds the rows of the
 //! contacts at the present positions, and solves all bodies with them ([`motion::touching`](crate::motion::touching)): the
-//! multiplier of a row converges to the force that leaves no gap, so the penetration at the end is only that of the tolerance.
+//! multiplier of a row converges to the force that leaves no gap, or to the largest one, so the penetration at the end is only that of the tolerance.
 //! The displacement is shortened if something would cross; before that, the rows are found again for the motion that crossed.
 //!
 //! A body that only contacts hold has no stiffness of its own against a rigid motion. A part of the mass in the matrix, which is
