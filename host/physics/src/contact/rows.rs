@@ -135,6 +135,8 @@ pub struct Contact {
     pub age: u32,
     /// Whether an overlap parts.
     pub is_parting: bool,
+    /// Whether the contact closes fast: its island needs a second update of the multipliers.
+    pub is_impact: bool,
     /// The normal forces of the last two steps (N), the latest first.
     forces: [f64; 2],
     /// The speed (m/s) at which it opened in the last step, if it had a force.
@@ -176,8 +178,6 @@ pub struct RowsReport {
     pub dropped: usize,
     /// Contacts whose overlap parts.
     pub parting: usize,
-    /// Contacts that close fast: the step needs a second update of the multipliers.
-    pub impacts: usize,
     /// The energy (J) that springs of friction gained because their stiffness changed and their force did not.
     pub restrung: f64,
     /// The energy (J) in springs of friction whose contacts are no longer there.
@@ -321,12 +321,16 @@ impl Rows {
     }
 
     /// The states of `former` rows whose vertices have got the numbers that `number` gives. Those of vertices that are no longer
-    /// there fall away.
+    /// there fall away, and so does the stiffness that the contacts took: the bodies are others.
     pub(crate) fn take_from(&mut self, former: &Self, number: &dyn Fn(u32) -> Option<u32>) {
         self.kept.clear();
         let renumbered = former.kept.iter().filter_map(|state| {
             let key = state.key.renumbered(number)?;
-            Some(Kept { key, ..*state })
+            Some(Kept {
+                key,
+                stiffened: 0.0,
+                ..*state
+            })
         });
         self.kept.extend(renumbered.take(self.most));
         self.kept.sort_by_key(|state| state.key);
@@ -557,6 +561,7 @@ impl Rows {
             stiffened: 0.0,
             age: 0,
             is_parting: false,
+            is_impact: false,
             forces: [0.0; 2],
             opened: None,
         }
@@ -721,7 +726,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
     }
     report.parting += usize::from(contact.is_parting);
     let closes = contact.forces[0] == 0.0 && contact.predicted < 0.0;
-    report.impacts += usize::from(closes && -opening * step.h > stiffness.depth());
+    contact.is_impact = closes && -opening * step.h > stiffness.depth();
     contact
 }
 

@@ -41,6 +41,9 @@ pub struct Touch<N = Four> {
     pub row: Row,
     /// The response at the end of the solve.
     pub response: Response,
+    /// The stiffness along the normal that the contact took within the solve (N/m); zero if it took none, or if there was no
+    /// solution.
+    pub stiffened: f64,
     /// The response before the last update of the multiplier.
     before: Response,
     pass: Pass,
@@ -64,6 +67,7 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
         Self {
             nodes,
             response,
+            stiffened: 0.0,
             before: response,
             row,
             pass: Pass {
@@ -100,8 +104,11 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
         let [more, wider] = [normal - self.before.normal, gap - self.before.gap];
         let is_resolved = more > 0.0 && wider > RESOLVED * self.row.depth;
         let of_bodies = if is_resolved { more / wider } else { 0.0 };
-        let own = &mut self.row.normal_stiffness;
-        *own = own.max(needed).max(STIFFER * of_bodies);
+        let stiffness = needed.max(STIFFER * of_bodies);
+        if stiffness > self.row.normal_stiffness {
+            self.row.normal_stiffness = stiffness;
+            self.stiffened = stiffness;
+        }
     }
 
     pub(super) fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
@@ -207,6 +214,10 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
         }
     }
     report.converged = is_solved;
+    if !is_solved {
+        // Without a solution, the stiffness may come from rows against each other.
+        touches.iter_mut().for_each(|touch| touch.stiffened = 0.0);
+    }
     room.forces.clear();
     for touch in &*touches {
         touch.add(&touch.force(), &mut |at, force| {

@@ -28,6 +28,8 @@ pub(crate) struct World {
     /// Calls of the allocator by `constrain` and by the contacts in the last step.
     pub(crate) calls: u64,
     pub(crate) radius: f64,
+    /// The largest pressure of the contacts (Pa).
+    pub(crate) pressure: f64,
     pub(crate) asleep: Vec<bool>,
 }
 
@@ -42,6 +44,7 @@ impl World {
             steps: 0,
             calls: 0,
             radius: RADIUS,
+            pressure: f64::INFINITY,
             asleep: Vec::new(),
         }
     }
@@ -101,18 +104,18 @@ impl World {
     }
 
     pub(crate) fn complete(&mut self, friction: f64) {
-        let radius = self.radius;
+        let (radius, pressure) = (self.radius, self.pressure);
         self.contacts.complete(&|one, other| match (one, other) {
             (Side::Obstacle(_), Side::Obstacle(_)) => None,
             (Side::Body(_), Side::Body(_)) => Some(Meeting {
                 distance: 2.0 * radius,
                 friction,
-                pressure: f64::INFINITY,
+                pressure,
             }),
             _ => Some(Meeting {
                 distance: radius,
                 friction,
-                pressure: f64::INFINITY,
+                pressure,
             }),
         });
     }
@@ -645,6 +648,71 @@ fn a_plane_that_lifts_a_sheet_does_the_work() {
     assert!((gained / lifted - 1.0).abs() < 1e-3, "{gained} {lifted}");
     assert!((driven / lifted - 1.0).abs() < 1e-2, "{driven} {lifted}");
     assert!(given < 2e-3 * driven, "{given} {driven}");
+}
+
+#[test]
+fn what_lands_elsewhere_changes_nothing() {
+    // Sheets that fall from these heights (m), side by side. Returns where the first one that falls from 1 mm is, step by step.
+    let fall = |heights: &[f64]| {
+        let mut world = World::new();
+        for (place, height) in (0_u8..).zip(heights) {
+            // The sheet that is followed is at the same place in all worlds.
+            let x = if *height == 1e-3 {
+                0.0
+            } else {
+                0.1 * f64::from(place + 1)
+            };
+            let put = Vec3::new(x, 0.0, RADIUS + height);
+            world.sheet([0.04, 0.04], [4, 4], DOWN, |at| at + put);
+        }
+        world.still(Shape::Plane, Vec3::zeros());
+        world.complete(0.5);
+        let followed = heights.iter().position(|height| *height == 1e-3).unwrap();
+        let places = (0..60).map(|_| {
+            world.step();
+            world.bodies[followed].node_positions().to_vec()
+        });
+        places.collect::<Vec<_>>()
+    };
+    let alone = fall(&[1e-3]);
+    for heights in [[1e-3, 4e-3, 30e-3], [9e-3, 1e-3, 2e-3]] {
+        assert!(fall(&heights) == alone, "{heights:?}");
+    }
+}
+
+#[test]
+fn a_floor_carries_its_largest_pressure_and_no_more() {
+    // A sheet of 0.3 kg/m2 presses 2.943 Pa.
+    let weight = 1000.0 * 2.0 * RADIUS * 9.81;
+    // Rows of a kappa of eight leave 1/81 of a force that is new, after one further update.
+    for (most, is_carried, off, count) in [
+        (2.0 * weight, 1.0, 1.001 / 81.0, 1),
+        (0.9 * weight, 0.9, 1e-6, 2),
+    ] {
+        let mut world = World::new();
+        // The vertices' areas and masses are in the same ratio everywhere. The second sheet is one of another mesh.
+        for (cells, x) in [([4, 4], 0.0), ([5, 3], 0.1)] {
+            world.sheet([0.04, 0.04], cells, DOWN, |at| {
+                at + Vec3::new(x, 0.0, RADIUS)
+            });
+        }
+        world.still(Shape::Plane, Vec3::zeros());
+        world.pressure = most;
+        world.complete(0.5);
+        for steps in 1_u8..=count {
+            world.step();
+            for body in 0..2 {
+                let carried = world.force([body, 2]).z / world.weight(body);
+                let is_near = |found: f64, expected: f64| (found - expected).abs() < off;
+                assert!(is_near(carried, is_carried), "{most} {body} {carried}");
+                let fall = (1.0 - is_carried) * f64::from(steps);
+                for v in world.bodies[body].node_velocities() {
+                    let v = -v.z / (9.81 * H);
+                    assert!(is_near(v, fall), "{most} {body} {v}");
+                }
+            }
+        }
+    }
 }
 
 /// A half tube of 3 GPa stands on a plane, and a lid comes down on its edge at `speed` (m/s), `down` (m) beyond the touch.

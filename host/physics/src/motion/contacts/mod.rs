@@ -51,7 +51,8 @@ pub const MOST_BODIES: usize = 8;
 const ROWS_PER_VERTEX: usize = 6;
 /// The speed at which sides part that overlap at the start (m/s).
 const PARTING: f64 = 0.2;
-/// The normal of a contact in a local model is stiffer than its row by this factor: the carried multiplier makes the row rigid.
+/// The normal of a contact in a local model is stiffer than its row by this factor: the carried multiplier makes
+/// the row rigid, up to its largest force.
 const RIGID: f64 = 100.0;
 
 /// A body in a step.
@@ -452,10 +453,12 @@ impl Contacts {
                     *lent = stepper.equation().ok().flatten();
                 }
             }
+            let mut rows = self.of_row[from..end].iter();
+            let is_impact = rows.any(|row| self.rows.contacts()[*row].is_impact);
             let report = touching::solve(
                 &mut lent,
                 &mut self.touches[from..end],
-                if self.began.impacts > 0 { 2 } else { 1 },
+                if is_impact { 2 } else { 1 },
                 &mut self.room,
                 &mut || out_of_time(root),
             );

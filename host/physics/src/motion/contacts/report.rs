@@ -151,16 +151,14 @@ impl Contacts {
             if touch.response.normal > 0.0 {
                 add_to(&mut self.touching, contact.parts, touch);
             }
-            // Without a solution, or without room, the stiffness may come from rows against each other.
-            let is_solved = self.report.solved.converged && self.report.truncated.squeezed == 0;
-            let stiffness = touch.row.normal_stiffness;
-            let stiffened = if is_solved && stiffness > contact.row.normal_stiffness {
-                stiffness
-            } else {
-                contact.stiffened
-            };
+            // Where a vertex was stopped without room, the stiffness may come from rows against each other.
+            let mut each = contact.vertices.iter().zip(contact.weights);
+            let has_room = self.report.truncated.squeezed == 0
+                || each.all(|(v, weight)| weight == 0.0 || self.fractions[*v as usize] == 1.0);
             self.rows.set_overrun(*row, overrun);
-            self.rows.set_stiffened(*row, stiffened);
+            if touch.stiffened > 0.0 && has_room {
+                self.rows.set_stiffened(*row, touch.stiffened);
+            }
         }
         for (touch, (corner, _)) in self.facets.touches.iter().zip(&self.facets.of) {
             if touch.response.normal > 0.0 {

@@ -1,8 +1,8 @@
 //! What the contacts of a step are for the local models that follow it.
 //!
 //! Between two publications the contacts of the last step hold a body: along the normal by a stiff spring, because the
-//! multiplier is carried, across it by the friction spring of the step. The bodies that touch it respond by themselves, so that
-//! a spring joins the nodes of all of them.
+//! multiplier is carried, across it by the friction spring of the step. A contact at its largest force does not hold along the
+//! normal. The bodies that touch a body respond by themselves, so that a spring joins the nodes of all of them.
 
 use super::{Contacts, MOST_BODIES, Member, Need, RIGID};
 use crate::contact::{Contact, Rows};
@@ -189,15 +189,47 @@ fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
 
 fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
     let row = &touch.row;
-    let along: Mat3 = row.normal * row.normal.transpose();
-    let rigid = along * (row.normal_stiffness * (RIGID - 1.0));
+    let tangent = row.tangent(&touch.response);
+    // The largest force of a contact is the same at every depth.
+    let along = row.normal.dot(&(tangent * row.normal));
+    let rigid = row.normal * row.normal.transpose() * (along * (RIGID - 1.0));
     Spring {
         sides,
         nodes: touch.nodes,
         normal: row.normal,
         pressed: touch.response.normal,
-        stiffness: row.tangent(&touch.response) + rigid,
+        stiffness: tangent + rigid,
         closes: 0.0,
         root,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::row::Row;
+
+    #[test]
+    fn a_contact_at_its_largest_force_holds_across_the_normal_alone() {
+        let row = Row {
+            normal: Vec3::z(),
+            gap: 0.0,
+            motion: Vec3::zeros(),
+            friction: 1.0,
+            depth: 0.0,
+            normal_stiffness: 10.0,
+            friction_stiffness: 5.0,
+            carried: 1.0,
+            most: 2.0,
+            anchored: Vec3::zeros(),
+        };
+        let node = At { body: 0, node: 0 };
+        for (depth, along) in [(0.05, 10.0 * RIGID), (0.2, 0.0)] {
+            let mut touch = Touch::new([(node, 1.0), (node, 0.0), (node, 0.0), (node, 0.0)], row);
+            touch.response = row.response(&Vec3::new(0.0, 0.0, -depth));
+            let found = spring(&touch, [0, 1], 0).stiffness;
+            let expected = Mat3::from_diagonal(&Vec3::new(5.0, 5.0, along));
+            assert!((found - expected).norm() < 1e-12 * RIGID * 10.0, "{found}");
+        }
     }
 }
