@@ -12,7 +12,8 @@
 //! **Truncation.** If the certificate fails, a plane between the two things divides the space. The displacement of each
 //! vertex is scaled by the largest fraction with which the vertex stays on its side. The start satisfies all planes, so
 //! the least fraction over its pairs satisfies all pairs of a vertex. A vertex that stops may bring other pairs to fail, so
-//! pairs are tested until none fails. Fractions only fall, and zero is safe, so this ends.
+//! pairs are tested until none fails. Fractions only fall, so this ends. Vertices with a prescribed motion, those of obstacles and
+//! of handles, cannot be stopped: the plane makes way for them, as far as the other vertices leave room.
 //!
 //! **Stretch.** A vertex that stops beside one that goes on would stretch the edge between them, and the surface would gain
 //! energy. So the fractions of two neighbours differ such that truncation stretches no edge by more than a bound (`STRETCH`).
@@ -45,7 +46,7 @@ pub struct Truncation {
     pub rounds: usize,
     /// Vertices that move less than they would have.
     pub truncated: usize,
-    /// Pairs of which a vertex with a prescribed motion leaves the other thing no room. They may cross.
+    /// Pairs of which vertices with a prescribed motion leave the others no room. They may cross.
     pub squeezed: usize,
 }
 
@@ -121,6 +122,22 @@ impl Start {
             let place = sign * (self.normal.dot(at) - self.plane);
             (vertex, place, -sign * self.normal.dot(by))
         })
+    }
+
+    /// How far the plane moves in the step to the side of the second thing (m), so that vertices with a prescribed motion stay
+    /// by `margin` (m) on their sides.
+    fn way(&self, sides: &[(u32, f64, f64); 4], margin: f64, is_free: &dyn Fn(u32) -> bool) -> f64 {
+        let (first, second) = sides.split_at(self.split);
+        let [first, second] = [first, second].map(|side| {
+            let prescribed = side.iter().filter(|(vertex, ..)| !is_free(*vertex));
+            let beyond = prescribed.map(|(_, place, by)| by - place + margin);
+            beyond.fold(f64::NEG_INFINITY, f64::max)
+        });
+        if first + second > 0.0 {
+            0.5 * (first - second)
+        } else {
+            0_f64.clamp(first, -second)
+        }
     }
 }
 
@@ -215,16 +232,17 @@ pub fn truncate(
             if is_certain(pair, surfaces, &start.foot, at, ends, left) {
                 return;
             }
+            let margin = (LEFT * start.distance).max(NEAREST);
+            let way = start.way(&sides, margin, is_free);
             let mut has_room = true;
-            for (vertex, place, by) in sides {
-                let (room, fraction) = (
-                    place - (LEFT * start.distance).max(NEAREST),
-                    &mut fractions[vertex as usize],
-                );
+            for (index, (vertex, place, by)) in sides.into_iter().enumerate() {
+                let way = if index < start.split { way } else { -way };
+                let room = place + way - margin;
+                let fraction = &mut fractions[vertex as usize];
                 if by * *fraction <= room {
                     continue;
                 }
-                has_room &= is_free(vertex);
+                has_room &= is_free(vertex) && room >= 0.0;
                 if is_free(vertex) {
                     let most = if report.rounds < ROUNDS {
                         (room / by).max(0.0)
@@ -283,6 +301,52 @@ mod tests {
     use super::*;
     use crate::contact::Skin;
     use crate::mesh::{LineMesh, Mesh};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_prescribed_has_the_right_of_way(
+            is_edges: bool,
+            first_is_prescribed: bool,
+            ahead in 0.0..3.0,
+            spread in [0.0..0.4, 0.0..0.4],
+            others in [-1.0..3.0, -1.0..3.0, -1.0..3.0],
+        ) {
+            // Two things at a distance of one. The vertices of the prescribed one go `ahead` or up to 0.4 less, and those of the
+            // other one towards it by `others`.
+            let corners = if is_edges {
+                [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
+            } else {
+                [[0.0, 0.0, 1.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
+            };
+            let x = corners.map(Vec3::from);
+            let mut surfaces = Surfaces::default();
+            (surfaces.triangles, surfaces.edges) = (vec![[1, 2, 3]], vec![[0, 1], [2, 3]]);
+            let pair = if is_edges { Pair::EdgeEdge(0, 1) } else { Pair::VertexTriangle(0, 0) };
+            let split = pair.split();
+            let is_free = |vertex: u32| ((vertex as usize) < split) != first_is_prescribed;
+            let u = [0, 1, 2, 3].map(|vertex: usize| {
+                let (towards, own) = if vertex < split { (-1.0, vertex) } else { (1.0, vertex - split) };
+                let less = [0.0, spread[0], spread[1]][own];
+                Vec3::z() * towards * if is_free(vertex as u32) { others[own] } else { ahead - less }
+            });
+            let mut fractions = [1.0; 4];
+            let each = |visit: &mut dyn FnMut(Pair)| visit(pair);
+            let report = truncate(&surfaces, &x, &u, &each, &is_free, &mut fractions);
+            // The other thing stops before the prescribed one, or all of it makes way.
+            let count = if first_is_prescribed { 4 - split } else { split };
+            let way = others[..count].iter().fold(f64::INFINITY, |way, by| way.min(-by)).max(0.0);
+            if ahead + 2.1 * LEFT < 1.0 + way {
+                prop_assert_eq!(report.squeezed, 0);
+            }
+            // Nothing moves aside, so that the feet stay where they are.
+            let each = pair.foot(&surfaces, &x).weights.into_iter().enumerate();
+            let apart: f64 = each.map(|(at, w)| w * (x[at] + u[at] * fractions[at]).z).sum();
+            prop_assert!(report.squeezed > 0 || apart > 0.0, "{}", apart);
+            let mut prescribed = (0..4).filter(|vertex| !is_free(*vertex));
+            prop_assert!(prescribed.all(|vertex| fractions[vertex as usize] == 1.0));
+        }
+    }
 
     #[test]
     fn a_vertex_that_is_stopped_step_after_step_stays_on_its_side() {
