@@ -192,7 +192,7 @@ impl super::World<'_> {
     ///
     /// # Errors
     /// [`SceneError`] for a body or an obstacle whose triangles are no surface.
-    pub(crate) fn touching(&self, bodies: &[&Body]) -> Result<contacts::Contacts, SceneError> {
+    pub fn touching(&self, bodies: &[&Body]) -> Result<contacts::Contacts, SceneError> {
         let refuse = |thing: Thing, error: &dyn std::fmt::Display| {
             let allowed = "a surface whose edges have two triangles at most";
             let source = &self.loaded.source;

@@ -216,7 +216,9 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     report.converged = is_solved;
     if !is_solved {
         // Without a solution, the stiffness may come from rows against each other.
-        touches.iter_mut().for_each(|touch| touch.stiffened = 0.0);
+        for touch in &mut *touches {
+            touch.stiffened = 0.0;
+        }
     }
     room.forces.clear();
     for touch in &*touches {

@@ -299,3 +299,21 @@ fn scenes_in_which_a_body_tears_are_run() {
         assert_eq!(found.draw.softening, None);
     }
 }
+
+#[test]
+fn the_reference_feels_what_its_bodies_touch() {
+    const BLOCKS: &str = include_str!("../../../scenes/pressed_blocks.toml");
+    let loaded = Scene::load_texts("pressed_blocks.toml", BLOCKS, &BTreeMap::new());
+    let settings = Settings {
+        schemes: vec![SchemeName::Capped],
+        ..Settings::default()
+    };
+    let found = compare(&loaded.expect("the scene is sound"), &settings, &|_| ());
+    let found = found.expect("it runs");
+    for device in &found.runs[0].measures.devices {
+        let error = device.error.expect("there is a reference");
+        assert!(device.peak_force > 1.0, "{}", device.peak_force);
+        // The host steps at 250 Hz, the reference at 1000 Hz.
+        assert!(error.relative < 0.03, "{error:?}");
+    }
+}

@@ -26,6 +26,7 @@ pub(super) mod rendered;
 pub(super) mod run;
 pub mod summary;
 mod table;
+mod touching;
 pub(crate) mod trial;
 pub mod trials;
 pub(super) mod troubled;

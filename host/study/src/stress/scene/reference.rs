@@ -1,7 +1,7 @@
 //! The reference of a cell: the same hands, devices and physics steps, with the physics inside the tick.
 //!
 //! Each tick reads the true poses of the hands, takes a step to these poses, and renders the wrenches of the step at
-//! once. The reference has no local model, no encoder and no latency. Its bodies tear as those of the host do. The trouble
+//! once. The reference has no local model, no encoder and no latency. Its bodies tear and touch as those of the host do. The trouble
 //! of the trial occurs here, too: the body softens; the device vanishes, and resumes at its last pose.
 //!
 //! A body that is stiffer than its device shakes a hand by itself, whatever the scheme. In such directions the reference
@@ -12,8 +12,9 @@
 //! the body itself exerts at the poses of that run, whatever moved the hand there.
 
 use super::draw::Softening;
-use super::measure::{Apart, Trace};
+use super::measure::{Apart, HOLD, Trace};
 use super::rendered::Rendered;
+use super::touching::{Stepped, Touching};
 use super::trial::{Trial, exerted, handle, probe};
 use crate::StudyError;
 use crate::tearing::rig::renew;
@@ -43,17 +44,49 @@ struct Held {
     devices: Vec<usize>,
 }
 
-/// The bodies of a scene.
-pub(in crate::stress) struct Bodies(Vec<Held>);
+/// The bodies of a scene, and their contacts.
+pub(in crate::stress) struct Bodies {
+    held: Vec<Held>,
+    touching: Option<Touching>,
+}
 
-/// The options of the steppers of a scene's bodies.
+/// The options of the steppers of a scene's bodies. A body that something may wake does not sleep.
 fn options(loaded: &LoadedScene) -> StepperOptions {
     let host = &loaded.scene.host;
-    StepperOptions {
+    let may_touch = loaded.scene.has_contact();
+    let options = StepperOptions {
         tolerance: host.tolerance,
         max_iterations: host.max_iterations,
+        may_touch,
         ..StepperOptions::default()
+    };
+    StepperOptions {
+        sleep_speed: if may_touch { 0.0 } else { options.sleep_speed },
+        ..options
     }
+}
+
+/// Takes a step of `h` (s), of bodies that touch or do not, to the poses of their handles. Obstacles move for `moves` (s).
+fn step(
+    bodies: &mut [Stepped<'_>],
+    touching: &mut Option<Touching>,
+    targets: &[Vec<HandlePose>],
+    [h, moves]: [f64; 2],
+) -> Result<(), StudyError> {
+    for ((body, stepper), targets) in bodies.iter_mut().zip(targets) {
+        stepper.predict(body, h)?;
+        stepper.constrain(body, targets)?;
+    }
+    if let Some(touching) = touching {
+        touching.solve(bodies, h, moves)?;
+    }
+    for (body, stepper) in bodies {
+        if !stepper.is_solved() {
+            stepper.solve(|| false)?;
+        }
+        stepper.finish(body, || false)?;
+    }
+    Ok(())
 }
 
 impl Bodies {
@@ -79,7 +112,12 @@ impl Bodies {
                 devices,
             })
         });
-        Ok(Self(each.collect::<Result<_, StudyError>>()?))
+        let held: Vec<Held> = each.collect::<Result<_, StudyError>>()?;
+        let bodies: Vec<&Body> = held.iter().map(|held| &held.body).collect();
+        Ok(Self {
+            touching: Touching::new(&built, &bodies, 0.0)?,
+            held,
+        })
     }
 
     /// Takes a step of `step` (s), with each handle held by a device at the pose that `place` gives for it.
@@ -88,28 +126,39 @@ impl Bodies {
         step: f64,
         place: impl Fn(usize) -> HandlePose,
     ) -> Result<(), StudyError> {
-        for held in &mut self.0 {
+        let mut targets = Vec::new();
+        for held in &mut self.held {
             let each = held.devices.iter();
-            let mut targets: Vec<_> = each.map(|device| place(*device)).collect();
-            held.rendered.aim(&mut targets, &mut held.body, step)?;
+            let mut own: Vec<_> = each.map(|device| place(*device)).collect();
+            held.rendered.aim(&mut own, &mut held.body, step)?;
             renew(&mut held.body, &mut held.stepper, step)?;
-            held.stepper
-                .step(&mut held.body, step, &targets, || false)?;
+            targets.push(own);
+        }
+        let each = self.held.iter_mut();
+        let mut bodies: Vec<_> = each
+            .map(|held| (&mut held.body, &mut held.stepper))
+            .collect();
+        self::step(&mut bodies, &mut self.touching, &targets, [step; 2])?;
+        for held in &mut self.held {
             if let Some(tearing) = &mut held.tearing {
                 tearing.advance(&mut held.body, &mut held.stepper);
             }
+        }
+        if let Some(touching) = &mut self.touching {
+            let bodies: Vec<&Body> = self.held.iter().map(|held| &held.body).collect();
+            touching.follow(&bodies)?;
         }
         Ok(())
     }
 
     /// The wrenches of the bodies on the devices (axes of the scene), and the potential of their weight (J).
     pub(in crate::stress) fn exerted(&self) -> ([Wrench; MAX_DEVICES], f64) {
-        let each = self.0.iter();
+        let each = self.held.iter();
         exerted(each.map(|held| (&held.body, &held.devices[..])))
     }
 
     fn all(&self) -> impl Iterator<Item = &Body> {
-        self.0.iter().map(|held| &held.body)
+        self.held.iter().map(|held| &held.body)
     }
 
     /// The change of the force of each device (N, at the device) by one count of its encoder in the present state, of
@@ -123,7 +172,7 @@ impl Bodies {
         let frames = trial.frames()?;
         let models = &trial.loaded.models;
         let mut counts = vec![0.0; frames.len()];
-        for held in &mut self.0 {
+        for held in &mut self.held {
             held.rendered.renew(&mut held.body)?;
             let model = held.rendered.model();
             for (handle, &device) in held.devices.iter().enumerate() {
@@ -150,7 +199,7 @@ impl Bodies {
     /// they are, where the handles of a run were: `apart` gives for each body and handle the displacement from its device.
     fn leaves(&mut self, apart: &[Vec<Apart>]) -> Result<[Vec3; MAX_DEVICES], StudyError> {
         let mut forces = [Vec3::zeros(); MAX_DEVICES];
-        for (held, apart) in self.0.iter_mut().zip(apart) {
+        for (held, apart) in self.held.iter_mut().zip(apart) {
             held.rendered.renew(&mut held.body)?;
             let apart: Vec<_> = apart.iter().map(|apart| apart.mean).collect();
             for (force, device) in held.rendered.soft(&apart).iter().zip(&held.devices) {
@@ -189,12 +238,13 @@ impl<'a> Copy<'a> {
         {
             self.softening = None;
             let mut others = Bodies::new(soft)?;
-            for (other, held) in others.0.iter_mut().zip(&self.bodies.0) {
+            for (other, held) in others.held.iter_mut().zip(&self.bodies.held) {
                 other
                     .body
                     .continue_from(&held.body, &BodyMap::identity(&held.body))?;
                 other.rendered.renew(&mut other.body)?;
             }
+            others.touching = self.bodies.touching.take();
             self.bodies = others;
         }
         self.bodies.step(self.trial.period(), place)
@@ -244,7 +294,9 @@ pub(in crate::stress) fn follow(trial: &Trial, run: &mut Trace) -> Result<Bodies
 /// force of a hold is that of the host's body, in the equilibrium in which it is, found by another solver.
 pub(super) fn rest(trial: &Trial, run: &mut Trace, bodies: Vec<Body>) -> Result<(), StudyError> {
     let mut bodies = bodies;
-    for (body, apart) in bodies.iter_mut().zip(&run.apart) {
+    let built = host::world::World::new(&trial.loaded)?;
+    let hold = trial.loaded.scene.duration - HOLD;
+    let places = |apart: &Vec<Apart>| {
         let places = apart.iter().map(|apart| {
             let begin = apart.begin.unwrap_or_else(Pose::identity);
             let [moved, turned] =
@@ -254,13 +306,20 @@ pub(super) fn rest(trial: &Trial, run: &mut Trace, bodies: Vec<Body>) -> Result<
                 rotation: UnitQuaternion::from_scaled_axis(turned) * begin.rotation,
             }
         });
-        let places: Vec<_> = places.collect();
+        places.collect::<Vec<_>>()
+    };
+    let targets: Vec<_> = run.apart.iter().map(places).collect();
+    let own: Vec<&Body> = bodies.iter().collect();
+    let mut touching = Touching::new(&built, &own, hold)?;
+    let mut steppers = Vec::new();
+    for body in &mut bodies {
         // A body that has torn is without the matrix of its present vertices.
         body.reassemble();
-        let mut stepper = Stepper::<f64>::new(body, options(&trial.loaded))?;
-        for _ in 0..RESTS {
-            stepper.step(body, REST, &places, || false)?;
-        }
+        steppers.push(Stepper::<f64>::new(body, options(&trial.loaded))?);
+    }
+    for _ in 0..RESTS {
+        let mut each: Vec<_> = bodies.iter_mut().zip(&mut steppers).collect();
+        step(&mut each, &mut touching, &targets, [REST, 0.0])?;
     }
     let held = trial.held();
     let (wrenches, _) = exerted(bodies.iter().zip(held.iter().map(Vec::as_slice)));
