@@ -218,26 +218,37 @@ impl Contacts {
         for touch in &self.touches {
             let own = (touch.nodes.iter()).filter(|(at, weight)| at.body == body && *weight != 0.0);
             for (at, weight) in own {
-                found[at.node as usize].force += touch.response.normal * weight.abs();
+                let pressed = &mut found[at.node as usize];
+                let force = touch.response.normal * weight.abs();
+                pressed.force += force;
+                // A sheet between two things is pressed from both sides.
+                let normal = touch.row.normal * force;
+                let is_other = pressed.direction.dot(&normal) < 0.0;
+                pressed.direction += if is_other { -normal } else { normal };
             }
         }
         let at = |vertex: u32| &self.x[vertex as usize];
-        let mut share = |vertices: &[u32], area: f64| {
+        let mut share = |vertices: &[u32], area: &dyn Fn(&Vec3) -> f64| {
             for vertex in vertices {
                 let own = &mut found[(vertex - part.vertices.start) as usize];
-                own.area += area / vertices.len() as f64;
+                own.area += area(&own.direction) / vertices.len() as f64;
             }
         };
         for number in part.triangles.clone() {
             let corners = self.surfaces.triangles[number as usize];
             let [a, b, c] = corners.map(at);
-            share(&corners, 0.5 * (b - a).cross(&(c - a)).norm());
+            let whole = 0.5 * (b - a).cross(&(c - a));
+            share(&corners, &|direction| {
+                let along = direction.try_normalize(0.0);
+                along.map_or_else(|| whole.norm(), |along| whole.dot(&along).abs())
+            });
         }
         if part.triangles.is_empty() {
             for number in part.edges.clone() {
                 let ends = self.surfaces.edges[number as usize];
                 let [a, b] = ends.map(at);
-                share(&ends, 2.0 * part.radius * (b - a).norm());
+                let area = 2.0 * part.radius * (b - a).norm();
+                share(&ends, &|_| area);
             }
         }
         self.facets.press(body, part.vertices.start, found);
@@ -249,9 +260,11 @@ impl Contacts {
 pub struct Pressed {
     /// The sum of the normal forces on the vertex, by size (N); of facets, what their pressure there presses on `area`.
     pub force: f64,
-    /// A third of the area of its triangles, or half of that of the segments of a thread, as wide as their diameter (m²);
-    /// 0 inside a solid.
+    /// A third of the area of its triangles, seen along `direction`, or half of that of the segments of a thread, as wide as
+    /// their diameter (m²); 0 inside a solid.
     pub area: f64,
+    /// The direction of the normal forces; zero without contacts of vertices and edges.
+    pub direction: Vec3,
 }
 
 impl Pressed {
