@@ -15,6 +15,7 @@ mod load;
 mod material;
 mod mesh;
 mod mount;
+mod narrow;
 mod notch;
 mod obstacle;
 mod port;
@@ -77,7 +78,7 @@ impl<'a> World<'a> {
         let mounts = (0..scene.devices.len())
             .map(|device| mount::mount(loaded, device, origins[device]))
             .collect::<Result<Vec<_>, _>>()?;
-        let warnings = survey::warnings(loaded, &meshes, &mounts);
+        let mut warnings = survey::warnings(loaded, &meshes, &mounts);
         let each = meshes.into_iter().zip(held).enumerate();
         let bodies = each
             .map(|(index, (notched, held))| body::build(loaded, index, notched, held, &origins))
@@ -87,6 +88,7 @@ impl<'a> World<'a> {
             .collect::<Result<Vec<_>, _>>()?;
         let contacts = Contacts::new(scene, &bodies);
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
+        warnings.extend(narrow::warnings(loaded, &bodies, &obstacles, &contacts));
         Ok(Self {
             loaded,
             bodies,

@@ -395,3 +395,34 @@ fn a_run_takes_a_scene_with_contact_and_solve_refuses_its_motion() {
         })
     );
 }
+
+#[test]
+fn a_round_obstacle_that_fits_between_vertices_is_told() {
+    // The longest edges: of the cloth 35 mm, of the block 71 mm, of the cord 25 mm.
+    for (shape, told) in [
+        ("shape = \"sphere\"\nradius = 0.05", &[][..]),
+        ("shape = \"sphere\"\nradius = 0.02", &["block"]),
+        (
+            "shape = \"capsule\"\nradius = 0.01\nlength = 0.06",
+            &["block", "cloth", "cord"],
+        ),
+        (
+            "shape = \"cylinder\"\nradius = 0.04\nlength = 0.025",
+            &["block", "cloth"],
+        ),
+        ("shape = \"box\"\nsize = [0.01, 0.01, 0.01]", &[]),
+    ] {
+        let text = BASE.replace("shape = \"sphere\"\nradius = 0.05", shape);
+        let loaded = Scene::load_texts("base.toml", &text, &files(&[])).unwrap();
+        let world = World::new(&loaded).unwrap();
+        let narrow = world.warnings.iter().map(ToString::to_string);
+        let narrow: Vec<_> = narrow.filter(|text| text.contains("vertices")).collect();
+        for body in ["block", "cloth", "cord"] {
+            let name = format!("body {body:?}");
+            let found = narrow.iter().find(|text| text.contains(&name));
+            assert_eq!(found.is_some(), told.contains(&body), "{shape} {narrow:?}");
+            let names = |text: &String| text.contains("base.toml:23: obstacle[0]");
+            assert!(found.is_none_or(names), "{found:?}");
+        }
+    }
+}

@@ -94,7 +94,7 @@ impl ContactSummary {
                 [sums.taken, sums.stored, given, sums.stopped].map(|joules| 1e3 * joules);
             writeln!(
                 f,
-                "             {taken:.3} mJ taken by friction, of which {stored:.3} stored; {given:.3} given by obstacles and \
+                "             {taken:.3} mJ taken by contacts, of which {stored:.3} stored; {given:.3} given by obstacles and \
                  overlaps; {stopped:.3} stopped"
             )?;
         }
