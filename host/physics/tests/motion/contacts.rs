@@ -789,3 +789,42 @@ fn a_stiff_edge_that_is_pressed_gets_the_work_of_what_presses() {
         }
     }
 }
+
+#[test]
+fn a_long_box_that_slides_beneath_a_block_leaves_it_room() {
+    for speed in [0.5, 1.0, 3.0] {
+        let mut world = World::new();
+        world.radius = 25e-6;
+        let mut mesh = physics::mesh::generate_box::solid_box([0.05; 3], [3, 3, 3]).unwrap();
+        mesh.positions.iter_mut().for_each(|x| x.z += 0.05 + 2e-4);
+        let material = physics::SolidMaterial {
+            young: 1e5,
+            poisson: 0.3,
+            density: 1000.0,
+        };
+        let config = BodyConfig {
+            gravity: DOWN,
+            stiffness_damping: 5e-3,
+            ..BodyConfig::default()
+        };
+        let law = physics::SolidLaw::Corotational;
+        let body = Body::solid(&mesh, &[material], law, config, &[]).unwrap();
+        let radius = world.radius;
+        world.add(body, Mesh::Solid(mesh), radius, false);
+        let half = Vec3::new(2.0, 0.15, 0.025);
+        let at = |time: f64, x: f64| TimedPose {
+            time,
+            pose: (Vec3::x() * x).into(),
+        };
+        world.obstacle(
+            Shape::Box { half },
+            Motion::Poses(vec![at(0.0, -0.5 * speed), at(1.0, 0.5 * speed)]),
+        );
+        world.complete(0.1);
+        for _ in 0..100 {
+            world.step();
+            let report = world.contacts.report();
+            assert_eq!(report.truncated.squeezed, 0, "{speed} {}", world.steps);
+        }
+    }
+}
