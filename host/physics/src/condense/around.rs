@@ -316,14 +316,15 @@ impl Parts {
         })
     }
 
-    /// When the contacts that come close (s), from now: the mean by the forces that they then have per unit of time. The parts are
-    /// those of the body with these contacts.
+    /// When the contacts that come close (s), from now, and the fraction of them that one spring has to have. The spring then has
+    /// the force that all of them have at the end of the look ahead, and closes at the mean of their times by their parts of this
+    /// force: a contact that closes late matters little yet. The parts are those of the body with these contacts.
     pub(super) fn closing<T: Precision>(
         &self,
         around: &Around<'_, T>,
         reduction: &Reduction,
-    ) -> Option<f64> {
-        let (mut sum, mut weights) = (0.0, 0.0);
+    ) -> Option<(f64, f64)> {
+        let [mut sum, mut forces, mut weights, mut end] = [0.0; 4];
         for spring in around.springs.iter().filter(|spring| spring.closes > 0.0) {
             let mut moved = Vec3::zeros();
             for (column, speed) in reduction.speeds.iter().enumerate() {
@@ -331,10 +332,16 @@ impl Parts {
                 moved += spring.difference(&shape) * *speed;
             }
             let pressed = -spring.normal.dot(&(spring.stiffness * moved));
+            let force = pressed.max(0.0) * spring.lasts;
             weights += pressed.max(0.0);
-            sum += pressed.max(0.0) * spring.closes;
+            forces += force;
+            sum += force * spring.closes;
+            end = spring.closes + spring.lasts;
         }
-        (weights > 0.0).then(|| sum / weights)
+        (forces > 0.0).then(|| {
+            let time = sum / forces;
+            (time, forces / (weights * (end - time)))
+        })
     }
 
     /// The displacement of a node by a column.

@@ -223,7 +223,7 @@ impl Shapes {
     ///
     /// With the velocities `v` of the hands, and the stiffness `D` and the damping `E` that these contacts add, the model stiffens
     /// along `q = D v / sqrt(v . D v)` once `q . d` is `sqrt(v . D v)` times the time to the touch: then the stiffness along `v` is
-    /// that of the closed contacts.
+    /// that of the closed contacts. If they close one after the other, a part of `D` stands for them all.
     pub fn touch<T: Precision>(
         &self,
         open: &Self,
@@ -248,10 +248,10 @@ impl Shapes {
         }
         let is_stiffer = along > LEAST_TOUCH * whole;
         let time = closed.parts.closing(around, &closed.reduction);
-        let time = time.filter(|_| is_stiffer)?;
-        let root = along.sqrt();
+        let (time, part) = time.filter(|_| is_stiffer)?;
+        let root = (part * along).sqrt();
         for slope in slopes {
-            *slope /= root;
+            *slope *= part / root;
         }
         Some(TearLimit {
             root: -(damped / along).max(0.0),

@@ -29,6 +29,8 @@ pub struct Spring {
     pub stiffness: Mat3,
     /// The time in which the contact closes (s); zero if it holds.
     pub closes: f64,
+    /// The time from then to the end of the look ahead (s).
+    pub lasts: f64,
     /// The island.
     root: usize,
 }
@@ -125,7 +127,8 @@ impl Contacts {
                 for (at, _) in bodies() {
                     self.islands.join(first.body, at.body);
                 }
-                springs.push(closing(contact, nodes, period * now / (now - then)));
+                let closes = period * now / (now - then);
+                springs.push(closing(contact, nodes, [closes, period - closes]));
             }
         }
         if springs.len() > held {
@@ -166,8 +169,8 @@ impl Contacts {
     }
 }
 
-/// A contact that closes in some seconds, as if it held and stuck.
-fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
+/// A contact that closes in some seconds and lasts for some, as if it held and stuck.
+fn closing(contact: &Contact, nodes: [(At, f64); 4], [closes, lasts]: [f64; 2]) -> Spring {
     let row = &contact.row;
     let along: Mat3 = row.normal * row.normal.transpose();
     let held = if row.friction > 0.0 {
@@ -183,6 +186,7 @@ fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
         pressed: 0.0,
         stiffness,
         closes,
+        lasts,
         root: 0,
     }
 }
@@ -200,6 +204,7 @@ fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
         pressed: touch.response.normal,
         stiffness: tangent + rigid,
         closes: 0.0,
+        lasts: 0.0,
         root,
     }
 }
