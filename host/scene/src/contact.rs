@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 
 /// Largest number of obstacles.
 const MAX_OBSTACLES: usize = 64;
+/// Largest rate of frames (Hz).
+const MOST_FRAME_RATE: f64 = 1000.0;
 
 /// Checks the obstacles and the contacts of a scene; stops at the first conflict.
 pub(super) fn check(scene: &Scene) -> Check {
@@ -86,13 +88,28 @@ fn check_obstacle(at: &str, obstacle: &Obstacle) -> Check {
 fn check_mesh(at: &str, mesh: &ObstacleMesh) -> Check {
     let field = format!("{at}.file");
     file_name(&field, &mesh.file)?;
-    let is_pattern = digits(&mesh.file).is_some();
+    let Some(rate) = mesh.frame_rate else {
+        return Ok(());
+    };
+    let digits = digits(&mesh.file);
     let found = format!("{:?}", mesh.file);
-    if mesh.frame_rate.is_some() {
-        let allowed = "the name of a file with `#` for each digit of the number of a frame, such as \"run/hand_####.obj\"";
-        return require(is_pattern, &field, found, allowed);
-    }
-    Ok(())
+    let allowed = "the name of a file with `#` for each digit of the number of a frame, such as \"run/hand_####.obj\"";
+    require(digits.is_some(), &field, found.as_str(), allowed)?;
+    let is_one = digits.is_none_or(|(before, ..)| !before.contains('#'));
+    require(
+        is_one,
+        &field,
+        found,
+        "one group of `#`, which stands for the number of a frame",
+    )?;
+    require(
+        rate <= MOST_FRAME_RATE,
+        &format!("{at}.frame_rate"),
+        format!("{rate:?}"),
+        format!(
+            "up to {MOST_FRAME_RATE} Hz: the steps of the host would skip the frames of a faster mesh"
+        ),
+    )
 }
 
 /// The last run of `#` in the name of a file: the text before it, its length, the text after it.

@@ -368,16 +368,29 @@ fn obstacles(
             files.frames = if mesh.frame_rate.is_some() {
                 frames(reader, &mesh.file, &field, choices)?
             } else {
-                vec![MeshFile::new(
-                    &mesh.file,
-                    reader.bytes(&mesh.file, &field)?,
-                    choices,
-                )]
+                let read = reader.bytes(&mesh.file, &field).map_err(|error| {
+                    if is_missing(&error) && contact::digits(&mesh.file).is_some() {
+                        let field = format!("obstacle[{index}].mesh.frame_rate");
+                        let allowed = format!(
+                            "the rate (Hz) of the frames that {:?} stands for; without a rate, this would be the name of one \
+                             file, which does not exist",
+                            mesh.file
+                        );
+                        return reader.source.error(&field, "none", allowed);
+                    }
+                    error
+                })?;
+                vec![MeshFile::new(&mesh.file, read, choices)]
             };
         }
         all.push(files);
     }
     Ok(all)
+}
+
+/// Whether a file does not exist.
+fn is_missing(error: &SceneError) -> bool {
+    matches!(error, SceneError::File { source, .. } if source.kind() == io::ErrorKind::NotFound)
 }
 
 /// The frames of an animated mesh, whose files are numbered without a gap from 0 or from 1.
@@ -390,7 +403,6 @@ fn frames(
     // The consistency of the scene was checked: the name has digits.
     let (before, width, after) = contact::digits(pattern).unwrap_or((pattern, 0, ""));
     let name = |number: usize| format!("{before}{number:0width$}{after}");
-    let is_missing = |error: &SceneError| matches!(error, SceneError::File { source, .. } if source.kind() == io::ErrorKind::NotFound);
     let (mut frames, mut bytes) = (Vec::new(), 0);
     for number in 0..=MOST_FRAMES {
         let file = name(number);
@@ -400,7 +412,24 @@ fn frames(
                 frames.push(MeshFile::new(&file, read, choices));
             }
             Err(error) if is_missing(&error) && number == 0 => {}
-            Err(error) if is_missing(&error) && !frames.is_empty() => break,
+            Err(error) if is_missing(&error) => {
+                // The files after a gap are no frames, so a log does not keep them.
+                let mut later = (number + 1..=MOST_FRAMES).map(name);
+                let is_there = |file: &String| (reader.read)(&reader.folder.join(file)).is_ok();
+                let (found, allowed) = match (frames.is_empty(), later.find(is_there)) {
+                    (true, None) => return Err(error),
+                    (false, None) => break,
+                    (true, Some(next)) => (
+                        format!("{next} as the first frame"),
+                        format!("frames that begin with {} or {file}", name(0)),
+                    ),
+                    (false, Some(next)) => (
+                        format!("{next}, but no {file} before it"),
+                        "frames that are numbered without a gap".to_owned(),
+                    ),
+                };
+                return Err(reader.source.error(field, found, allowed));
+            }
             Err(error) => return Err(error),
         }
         if frames.len() > MOST_FRAMES || bytes > LARGEST_FRAMES {

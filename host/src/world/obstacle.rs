@@ -78,6 +78,16 @@ fn animated(
         let allowed = "a closed mesh with its normals outwards";
         loaded.source.error(&field, error.to_string(), allowed)
     })?;
+    for (positions, file) in frames.iter().zip(&loaded.obstacles[index].frames).skip(1) {
+        let volume = closed.volume_at(positions);
+        if volume <= 0.0 {
+            let file = file.path.display();
+            let error = ObstacleError::Inverted(volume);
+            let allowed = "frames whose normals point outwards";
+            let found = format!("{file}: {error}");
+            return Err(loaded.source.error(&field, found, allowed));
+        }
+    }
     let Some(rate) = spec.frame_rate else {
         return Ok((closed, motion));
     };

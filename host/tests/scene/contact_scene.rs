@@ -329,6 +329,63 @@ fn meshes_of_obstacles_are_closed_and_frames_have_one_topology() {
         "{jump}"
     );
     assert!(frames("f 1".to_owned(), 10).contains("obstacle[1].mesh.file: cannot use run_02.obj"));
+    let inverted = frames(die(0.0).replace("v -0.5", "v 1.5"), 1);
+    assert!(
+        inverted
+            .contains("mesh.file: found run_02.obj: an inverted mesh: its normals point inwards")
+            && inverted.ends_with("allowed: frames whose normals point outwards"),
+        "{inverted}"
+    );
+}
+
+#[test]
+fn the_numbers_and_the_rate_of_frames_are_checked() {
+    let mesh = "mesh = { file = \"die.obj\", scale = 0.1 }";
+    for (file, rate, numbers, expected) in [
+        ("run_##.obj", ", frame_rate = 10", &[0, 1][..], "no error"),
+        (
+            "run_##.obj",
+            ", frame_rate = 10",
+            &[0, 1, 3],
+            "file: found run_03.obj, but no run_02.obj before it, allowed: frames that are numbered without a gap",
+        ),
+        (
+            "run_##.obj",
+            ", frame_rate = 10",
+            &[5, 6],
+            "file: found run_05.obj as the first frame, allowed: frames that begin with run_00.obj or run_01.obj",
+        ),
+        (
+            "run_##_##.obj",
+            ", frame_rate = 10",
+            &[0],
+            "file: found \"run_##_##.obj\", allowed: one group of `#`, which stands for the number of a frame",
+        ),
+        (
+            "run_##.obj",
+            ", frame_rate = 1e9",
+            &[0, 1],
+            "frame_rate: found 1000000000.0, allowed: up to 1000 Hz: the steps of the host would skip the frames of a faster \
+             mesh",
+        ),
+        (
+            "run_##.obj",
+            "",
+            &[0, 1],
+            "frame_rate: found none, allowed: the rate (Hz) of the frames that \"run_##.obj\" stands for; without a rate, \
+             this would be the name of one file, which does not exist",
+        ),
+    ] {
+        let instead = format!("mesh = {{ file = {file:?}, scale = 0.1{rate} }}");
+        let names: Vec<_> = (numbers.iter())
+            .map(|number| format!("run_{number:02}.obj"))
+            .collect();
+        let more: Vec<_> = names.iter().map(|name| (name.as_str(), die(0.0))).collect();
+        let found = said(mesh, &instead, &more);
+        let found = found.trim_start_matches("x.toml:31: obstacle[1].mesh.");
+        let found = found.trim_start_matches("x.toml:29: obstacle[1].mesh.");
+        assert_eq!(found, expected, "{file}");
+    }
 }
 
 #[test]

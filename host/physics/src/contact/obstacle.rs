@@ -169,9 +169,17 @@ impl ClosedMesh {
 
     /// The volume (m³).
     pub fn volume(&self) -> f64 {
-        let about = self.positions.first().copied().unwrap_or_default();
+        self.volume_at(&self.positions)
+    }
+
+    /// The volume (m³) if the vertices are at `positions` (m).
+    ///
+    /// # Panics
+    /// For fewer positions than vertices.
+    pub fn volume_at(&self, positions: &[Vec3]) -> f64 {
+        let about = positions.first().copied().unwrap_or_default();
         let part = |triangle: &[u32; 3]| {
-            let [a, b, c] = triangle.map(|v| self.positions[v as usize] - about);
+            let [a, b, c] = triangle.map(|v| positions[v as usize] - about);
             a.cross(&b).dot(&c) / 6.0
         };
         self.triangles.iter().map(part).sum()
