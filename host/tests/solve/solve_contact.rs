@@ -291,3 +291,15 @@ fn only_sides_that_meet_touch_and_none_is_passed() {
     );
     assert_eq!(pressed_plates(1e-3, 1e-4, 1.5e-4).count, 25);
 }
+
+/// The forces of a block that nothing loads and that touches nothing are rounding, of which no part is a residual.
+#[test]
+fn a_block_without_loads_has_no_residual() {
+    let found = solved(&format!(
+        "name = \"apart\"\ngravity = [0, 0, 0]\n{}[[body.support]]\nname = \"top\"\ngroup = \"top\"\n{FLOOR}",
+        block("block", "corotational", 4, 1.02003)
+    ));
+    assert!(found.failures.is_empty(), "{:?}", found.failures);
+    let steps = &found.bodies[0].steps;
+    assert!(steps.iter().all(|row| row.residual == 0.0), "{steps:?}");
+}

@@ -217,6 +217,11 @@ impl ContactEquilibrium {
     ) -> Result<NewtonReport, StepError> {
         let mut report = NewtonReport::default();
         let mut prescribed = self.prescribe(bodies, fraction);
+        let loads = |body: &&mut Body| {
+            let model = &body.model;
+            model.load_factor != 0.0 && model.external.iter().any(|f| *f != Vec3::zeros())
+        };
+        let quiet = prescribed == 0.0 && !bodies.iter().any(loads);
         let mut last = f64::INFINITY;
         self.pace = Pace::default();
         loop {
@@ -241,6 +246,7 @@ impl ContactEquilibrium {
                 .sum();
             let stands = report.residual > 0.5 * last && report.residual <= FINE * report.reference;
             report.rounded = !met && (report.residual <= floor || stands);
+            report.negligible = !met && report.residual <= floor && quiet;
             report.converged = prescribed == 0.0 && (met || report.rounded);
             last = report.residual;
             if report.converged || report.iterations == self.options.newton.max_iterations {

@@ -164,13 +164,15 @@ impl<T: Precision> Stepper<T> {
         self.turn(body);
         self.respond();
         self.pairs.follow(by_node(&self.places.of, &self.cg.u));
-        let reference = self.start(body, h, factors.0, factors.1);
+        // Forces below this one move nothing, so no residual is relative to less.
+        let unseen = self.places.unseen / (h * h);
+        let reference = self.start(body, h, factors.0, factors.1).max(unseen);
         let (places, cg) = (&self.places, &mut self.cg);
         (self.pairs).predict(&places.of, &cg.u, places.free, &mut cg.residual);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
-        let unseen = if self.cg.u.iter().flatten().all(|u| *u == T::ZERO) {
-            self.places.unseen / (h * h)
+        let still = if self.cg.u.iter().flatten().all(|u| *u == T::ZERO) {
+            unseen
         } else {
             0.0
         };
@@ -180,7 +182,7 @@ impl<T: Precision> Stepper<T> {
             goal,
             // The residual of iterations is rough and moves little. The residual of a guess is smooth, and moves a hand
             // by a hundred times as much.
-            start: (0.1 * goal).max(unseen),
+            start: (0.1 * goal).max(still),
             max_iterations: self.options.max_iterations,
         };
         step.report.reference = reference;
