@@ -10,7 +10,7 @@ mod curve;
 mod drive;
 pub mod frames;
 pub mod grid;
-mod report;
+pub(crate) mod report;
 mod result;
 mod table;
 

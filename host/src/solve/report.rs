@@ -210,7 +210,7 @@ fn vector(v: [f64; 3], noise: f64) -> String {
 }
 
 /// A value with four digits and an SI prefix.
-fn si(value: f64, unit: &str) -> String {
+pub(crate) fn si(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 8] = [
         (1e9, "G"),
         (1e6, "M"),

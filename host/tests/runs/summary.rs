@@ -188,3 +188,92 @@ fn under_the_real_clock_the_counts_before_a_panic_are_kept_too() -> Result<(), B
     assert!(summary.host.publications >= newest.ok_or("rows")?);
     Ok(())
 }
+
+/// A block above another one, which hands hold: nothing moves until the second hand does.
+const APART: &str = r#"name = "apart"
+gravity = [0.0, 0.0, 0.0]
+
+[[body]]
+name = "low"
+mesh.box = { size = [0.04, 0.04, 0.04], cells = [4, 4, 4] }
+position = [0, 0, -0.02003]
+material = { young = 20000.0, poisson = 0.3, density = 1000 }
+damping = { mass = 0.0, stiffness = 0.005 }
+
+[[body.handle]]
+name = "bottom"
+group = "bottom"
+device = "a"
+
+[[body]]
+name = "high"
+mesh.box = { size = [0.04, 0.04, 0.04], cells = [3, 3, 3] }
+position = [0, 0, 0.02003]
+material = { young = 20000.0, poisson = 0.3, density = 1000 }
+damping = { mass = 0.0, stiffness = 0.005 }
+
+[[body.handle]]
+name = "top"
+group = "top"
+device = "b"
+
+[[contact]]
+between = ["low", "high"]
+friction = 0.3
+
+[[device]]
+name = "a"
+model = "omega3"
+hand = { grip = "rigid", waypoints = [[0.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] }
+
+[[device]]
+name = "b"
+model = "omega3"
+hand = { grip = "rigid", waypoints = [[0.2, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, -0.004]] }
+"#;
+
+#[test]
+fn forces_that_are_rounding_leave_no_residual() -> Result<(), Box<dyn Error>> {
+    let scene = Scene::load_texts("x.toml", APART, &BTreeMap::new())?;
+    let (summary, _) = logged(&scene, Clock::Virtual, 0.6, &[])?;
+    let host = &summary.host;
+    assert_eq!(host.unconverged_steps, 0, "{}", host.worst_residual);
+    assert!(host.worst_residual <= 1e-6, "{}", host.worst_residual);
+    Ok(())
+}
+
+/// A cube of half a millimetre presses with a millionth of a newton.
+#[test]
+fn small_forces_of_contacts_are_told_with_their_digits() -> Result<(), Box<dyn Error>> {
+    let text = r#"name = "small"
+
+[[obstacle]]
+name = "floor"
+shape = "plane"
+
+[[body]]
+name = "cube"
+mesh.box = { size = [0.0005, 0.0005, 0.0005], cells = [2, 2, 2] }
+position = [0, 0, 0.00026]
+material = { young = 50000.0, poisson = 0.3, density = 1000 }
+damping = { mass = 0.0, stiffness = 0.005 }
+
+[[device]]
+name = "idle"
+model = "falcon"
+hand = {}
+"#;
+    let scene = Scene::load_texts("x.toml", text, &BTreeMap::new())?;
+    let (summary, _) = logged(&scene, Clock::Virtual, 0.5, &[])?;
+    let text = summary.to_string();
+    // The weight is 1.226 uN.
+    assert!(
+        text.contains("cube with floor: 9 at the end, normal 1.22"),
+        "{text}"
+    );
+    assert!(
+        text.contains(" uN, friction ") && text.contains(" taken by contacts"),
+        "{text}"
+    );
+    Ok(())
+}

@@ -2,6 +2,7 @@
 
 use crate::engine::contact::{Contact, ContactSums, PairTotals};
 use crate::scene::Scene;
+use crate::solve::report::si;
 use physics::motion::contacts::Side;
 use serde::Serialize;
 use std::fmt;
@@ -74,14 +75,14 @@ impl ContactSummary {
             };
             writeln!(
                 f,
-                "  contact    {one} with {with}: {} at the end, normal {:.3} N, friction {:.3} N; peak {:.3} N at {:.2} s, \
-                 deepest {:.1} um, at most {} in a step",
+                "  contact    {one} with {with}: {} at the end, normal {}, friction {}; peak {} at {:.2} s, deepest {}, \
+                 at most {} in a step",
                 pair.contacts,
-                pair.normal_force,
-                pair.friction_force,
-                pair.peak_force,
+                si(pair.normal_force, "N"),
+                si(pair.friction_force, "N"),
+                si(pair.peak_force, "N"),
                 pair.peak_time,
-                1e6 * pair.depth,
+                si(pair.depth, "m"),
                 pair.most_contacts,
             )?;
         }
@@ -91,11 +92,11 @@ impl ContactSummary {
             let sums = &self.sums;
             let given = sums.by_obstacles + sums.parted;
             let [taken, stored, given, stopped] =
-                [sums.taken, sums.stored, given, sums.stopped].map(|joules| 1e3 * joules);
+                [sums.taken, sums.stored, given, sums.stopped].map(|energy| si(energy, "J"));
             writeln!(
                 f,
-                "             {taken:.3} mJ taken by contacts, of which {stored:.3} stored; {given:.3} given by obstacles and \
-                 overlaps; {stopped:.3} stopped"
+                "             {taken} taken by contacts, of which {stored} stored; {given} given by moving obstacles and \
+                 starts that overlap; {stopped} stopped"
             )?;
         }
         let ContactSums {

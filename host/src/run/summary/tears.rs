@@ -135,7 +135,7 @@ impl TearSummary {
         if self.edges > 0 && self.energy > 0.0 {
             writeln!(
                 f,
-                "             the hands supplied {:.1} mJ that are not stored, {:.2} of what the torn area took so far; of \
+                "             {:.1} mJ supplied and not stored, {:.2} of what the torn area took so far; of \
                  that energy {:.0} % went into motion and damping at the tips",
                 self.spent * 1e3,
                 self.spent / (self.energy - self.pending),
