@@ -51,7 +51,7 @@ pub struct ContactSums {
     pub truncated: u64,
     /// Pairs of elements without room. They may cross.
     pub squeezed: u64,
-    /// Contacts without a row.
+    /// Contacts without a row; there are six for each vertex of all surfaces.
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
