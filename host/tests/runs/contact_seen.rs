@@ -207,3 +207,19 @@ fn a_scene_without_contact_has_no_channel_and_no_column() -> Outcome {
     );
     Ok(())
 }
+
+/// The shipped block on an incline below its angle of friction stays, as its scene says.
+#[test]
+fn the_block_on_the_incline_stays() -> Outcome {
+    let loaded = scene("scenes/block_on_incline.toml")?;
+    let (summary, ..) = seen(&loaded, 2.0)?;
+    let contact = summary.contact.ok_or("a scene with contact")?;
+    let pair = &contact.pairs[0];
+    // What slides has the coefficient of friction of 0.5 as the ratio; what stays, the slope of 0.45.
+    let ratio = pair.friction_force / pair.normal_force;
+    assert!((ratio - 0.45).abs() < 0.02, "{ratio}");
+    // Its weight works on the way that the block slips by while it settles.
+    let slip = contact.sums.taken / pair.friction_force;
+    assert!(slip < 0.012, "{slip}");
+    Ok(())
+}
