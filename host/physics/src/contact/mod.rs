@@ -3,7 +3,7 @@
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
 //! - [`row`]: the law of a contact. [`rows`]: the contacts of a step, from its pairs and shapes. `feet`: where a pair may
-//!   touch. `nearest`: what a vertex touches. `kept`: what contacts keep from step to step. `thinning`: which contacts have
+//!   touch. `nearest`: what a vertex touches. `least`: which connections are contacts. `kept`: what contacts keep from step to step. `thinning`: which contacts have
 //!   rows.
 //! - `faces`: the two faces of a tear.
 //! - [`facet`]: the facets of solids, and what two of them share.
@@ -28,6 +28,7 @@ pub mod facet;
 mod feet;
 pub mod hierarchy;
 pub(crate) mod kept;
+mod least;
 pub mod lists;
 pub mod moves;
 mod nearest;

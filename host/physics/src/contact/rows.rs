@@ -11,7 +11,7 @@
 //! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
 
 use super::certificate::Each;
-use super::feet::{Connection, Feet, is_within};
+use super::feet::{Connection, Feet, is_within, keeps_direction};
 use super::hierarchy::Hierarchy;
 use super::kept::{Kept, Key, take};
 use super::nearest::{Candidate, of_group};
@@ -24,10 +24,6 @@ use crate::Vec3;
 
 /// Room for rows before they are thinned, as a multiple of the rows.
 const FOUND: usize = 4;
-/// The least product of the directions to a shape at the start and at the end of a step, for which the row has the direction
-/// at the end. A vertex that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end,
-/// where the force gives energy: more than friction takes, if `a` is large.
-const TURNED: f64 = 0.95;
 /// The fraction of a thickness by which a contact overlaps while it parts.
 const PARTED: f64 = 0.02;
 /// The time (s) in which an overlap falls to 1/e, within the bounds of its speed, the lower one of which is [`SLOWEST`] (m/s).
@@ -385,7 +381,8 @@ impl Rows {
         // Two ends meet once: as the vertex with the smaller number, and the other segment.
         let is_turned = match (inside(first), inside(second)) {
             (true, true) => {
-                if found.may_touch(is_end, thickness) {
+                let x = if is_end { &self.ends } else { step.x };
+                if found.may_touch(is_end, thickness) && is_least(surfaces, pair, &at.normal, x) {
                     let predicted = found.predicted(is_end);
                     let key = Key::Edges(vertices);
                     let contact = self.contact(step, key, parts, at, predicted, thickness);
@@ -437,6 +434,10 @@ impl Rows {
                 let key = Key::Vertex(one.vertex, one.part);
                 let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
                 let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
+                let x = if is_end { &self.ends } else { step.x };
+                if !step.surfaces.leaves_vertex(one.vertex, &-at.normal, x) {
+                    return;
+                }
                 let contact = self.contact(step, key, parts, at, predicted, one.thickness);
                 self.push(&contact);
             });
@@ -479,7 +480,7 @@ impl Rows {
             obstacle.at_start(&step.x[at]),
             obstacle.at_end(&self.ends[at]),
         );
-        let (normal, distance, point) = if start.normal.dot(&end.normal) > TURNED {
+        let (normal, distance, point) = if keeps_direction(&start.normal, &end.normal) {
             (end.normal, end.distance, self.ends[at])
         } else {
             (start.normal, start.distance, step.x[at])
@@ -662,6 +663,14 @@ impl Rows {
             }
         }
     }
+}
+
+/// Whether the connection of two edges, with the `normal` from the second one to the first one, leads away from the surfaces at both.
+fn is_least(surfaces: &Surfaces, pair: Pair, normal: &Vec3, x: &[Vec3]) -> bool {
+    let Pair::EdgeEdge(first, second) = pair else {
+        return true;
+    };
+    surfaces.leaves_edge(first, &-normal, x) && surfaces.leaves_edge(second, normal, x)
 }
 
 /// The area (m²) on which a contact presses: the smaller one of both feet.

@@ -34,6 +34,8 @@ pub struct Part {
     pub is_obstacle: bool,
     /// Whether it tears.
     pub tears: bool,
+    /// Whether it is the surface of a solid, with its triangles counterclockwise seen from outside.
+    pub is_solid: bool,
 }
 
 /// The surfaces that may touch.
@@ -45,6 +47,11 @@ pub struct Surfaces {
     pub triangles: Vec<[u32; 3]>,
     /// Vertices of each edge, ascending.
     pub edges: Vec<[u32; 2]>,
+    /// Of each edge, the third vertices of the triangles to the left and to the right of it; a vertex of the edge where there
+    /// is no triangle.
+    pub(super) opposite: Vec<[u32; 2]>,
+    /// Each vertex with each of its neighbours in triangles, ascending.
+    pub(super) neighbours: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
     /// The area of the surface at rest around each vertex (m²), of a thread by the radius of its skin; infinite for obstacles.
@@ -92,10 +99,14 @@ impl Surfaces {
         match mesh {
             Mesh::Thread(mesh) => {
                 let edges = mesh.lines.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
-                Ok(self.push(positions, &[], edges, skin))
+                Ok(self.push(positions, &[], edges.map(|ends| (ends, ends)), skin))
             }
             Mesh::Sheet(mesh) => self.add_triangles(positions, &mesh.triangles, skin),
-            Mesh::Solid(mesh) => self.add_triangles(positions, &mesh.boundary(), skin),
+            Mesh::Solid(mesh) => {
+                let part = self.add_triangles(positions, &mesh.boundary(), skin)?;
+                self.parts[part].is_solid = true;
+                Ok(part)
+            }
         }
     }
 
@@ -114,8 +125,19 @@ impl Surfaces {
         skin: Skin,
     ) -> Result<usize, MeshError> {
         let adjacency = Adjacency::new(triangles)?;
-        let interior = adjacency.interior.iter().map(|edge| edge.vertices);
-        let border = adjacency.boundary.iter().map(|edge| edge.vertices);
+        let interior = adjacency.interior.iter().map(|edge| {
+            let [first, second] = edge.opposite;
+            let [a, b, c] = triangles[edge.triangles[0] as usize];
+            let is_left = [[a, b], [b, c], [c, a]].contains(&edge.vertices);
+            let opposite = if is_left {
+                [first, second]
+            } else {
+                [second, first]
+            };
+            (edge.vertices, opposite)
+        });
+        let border = adjacency.boundary.iter();
+        let border = border.map(|edge| (edge.vertices, [edge.opposite, edge.vertices[0]]));
         Ok(self.push(positions, triangles, interior.chain(border), skin))
     }
 
@@ -123,7 +145,7 @@ impl Surfaces {
         &mut self,
         positions: &[Vec3],
         triangles: &[[u32; 3]],
-        edges: impl Iterator<Item = [u32; 2]>,
+        edges: impl Iterator<Item = ([u32; 2], [u32; 2])>,
         skin: Skin,
     ) -> usize {
         let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
@@ -131,7 +153,16 @@ impl Surfaces {
         let (triangle, edge) = (count(self.triangles.len()), count(self.edges.len()));
         let moved = triangles.iter().map(|corners| corners.map(|v| v + first));
         self.triangles.extend(moved);
-        self.edges.extend(edges.map(|ends| ends.map(|v| v + first)));
+        for (ends, opposite) in edges {
+            let [a, b] = ends.map(|v| v + first);
+            self.edges.push([a, b]);
+            self.opposite.push(opposite.map(|v| v + first));
+            if !triangles.is_empty() {
+                self.neighbours.extend([[a, b], [b, a]]);
+            }
+        }
+        // The vertices of earlier parts come before those of this one.
+        self.neighbours.sort_unstable();
         self.vertices += positions.len();
         self.flat_vertices.resize(self.vertices, false);
         self.flat_edges.resize(self.edges.len(), false);
@@ -144,6 +175,7 @@ impl Surfaces {
             touches_itself: skin.touches_itself,
             is_obstacle: skin.is_obstacle,
             tears: false,
+            is_solid: false,
         });
         let part = self.parts.len() - 1;
         self.measure(part, positions);
