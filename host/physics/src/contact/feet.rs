@@ -4,11 +4,12 @@
 //! late by one step, by which a belt over a cylinder pulls with an error of `v h / R` per radian. A pair has a distance
 //! without a sign. If the prediction has already passed through, the direction at its end is the wrong one.
 //!
-//! The direction at the end is right if the `certificate` shows that the pair does not cross, and if the direction has not turned
-//! far: two edges that pass around each other do not cross, and have the opposite direction. Otherwise, the row has the direction
-//! at the start.
+//! The direction at the end is right if the `certificate` shows that the pair does not cross. Otherwise, the row has the direction
+//! at the start. So have edges whose direction turns far: two edges that pass around each other do not cross, and end with the
+//! opposite direction.
 
 use super::certificate::is_certain;
+use super::kept::is_same;
 use super::pair::{Foot, Pair};
 use super::surface::Surfaces;
 use crate::Vec3;
@@ -16,15 +17,6 @@ use crate::Vec3;
 /// The row looks further than the motion by this fraction, and by a fraction of the thickness.
 pub(super) const FURTHER: f64 = 1.3;
 pub(super) const BESIDE: f64 = 0.1;
-/// The least product of the directions at the start and at the end of a step, for which the row has the direction at the end. A
-/// foot that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end, where the force gives
-/// energy: more than friction takes, if `a` is large.
-const TURNED: f64 = 0.95;
-
-/// Whether a direction at the start of a step has not turned far at the end.
-pub(super) fn keeps_direction(start: &Vec3, end: &Vec3) -> bool {
-    start.dot(end) > TURNED
-}
 
 /// Whether a contact of a thickness (m), `distance` apart at the predicted end (m), may touch in the step: its feet are
 /// predicted to move by `relative` (m).
@@ -74,7 +66,7 @@ impl Connection {
 pub(super) struct Feet {
     pub start: Connection,
     pub end: Connection,
-    /// Whether the pair is on the same side at the predicted end, and has not turned far.
+    /// Whether the pair is on the same side at the predicted end.
     pub is_certain: bool,
 }
 
@@ -105,7 +97,7 @@ impl Feet {
         }
         let at = |vertex: u32| ends[vertex as usize];
         let is_certain = end.length > 0.0
-            && keeps_direction(&start.normal, &end.normal)
+            && (split == 1 || is_same(&start.normal, &end.normal))
             && is_certain(pair, surfaces, &start.foot, |v| x[v as usize], at, |_| 0.0);
         Some(Self {
             start,

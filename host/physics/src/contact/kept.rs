@@ -9,6 +9,11 @@ use crate::Vec3;
 /// The least product of the directions of a contact in two steps that follow each other.
 const TURNED: f64 = 0.5;
 
+/// Whether a contact that has one direction, of length one, may have the other one next.
+pub(super) fn is_same(one: &Vec3, other: &Vec3) -> bool {
+    one.dot(other) > TURNED
+}
+
 /// By what a contact is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Key {
@@ -87,7 +92,7 @@ pub(super) fn take(kept: &mut [Kept], from: &mut usize, key: Key, normal: &Vec3)
     }
     let group = kept[*from..].iter_mut();
     let group = group.take_while(|state| state.key == key);
-    let near = group.filter(|state| !state.is_taken && state.normal.dot(normal) > TURNED);
+    let near = group.filter(|state| !state.is_taken && is_same(&state.normal, normal));
     let best = near.max_by(|a, b| a.normal.dot(normal).total_cmp(&b.normal.dot(normal)))?;
     best.is_taken = true;
     Some(*best)

@@ -11,7 +11,7 @@
 //! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
 
 use super::certificate::Each;
-use super::feet::{Connection, Feet, is_within, keeps_direction};
+use super::feet::{Connection, Feet, is_within};
 use super::hierarchy::Hierarchy;
 use super::kept::{Kept, Key, take};
 use super::nearest::{Candidate, of_group};
@@ -24,6 +24,10 @@ use crate::Vec3;
 
 /// Room for rows before they are thinned, as a multiple of the rows.
 const FOUND: usize = 4;
+/// The least product of the directions to a shape at the start and at the end of a step, for which the row has the direction
+/// at the end. A vertex that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end,
+/// where the force gives energy: more than friction takes, if `a` is large.
+const TURNED: f64 = 0.95;
 /// The fraction of a thickness by which a contact overlaps while it parts.
 const PARTED: f64 = 0.02;
 /// The time (s) in which an overlap falls to 1/e, within the bounds of its speed, the lower one of which is [`SLOWEST`] (m/s).
@@ -480,7 +484,7 @@ impl Rows {
             obstacle.at_start(&step.x[at]),
             obstacle.at_end(&self.ends[at]),
         );
-        let (normal, distance, point) = if keeps_direction(&start.normal, &end.normal) {
+        let (normal, distance, point) = if start.normal.dot(&end.normal) > TURNED {
             (end.normal, end.distance, self.ends[at])
         } else {
             (start.normal, start.distance, step.x[at])

@@ -49,7 +49,7 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// Of each edge, the third vertices of the triangles to the left and to the right of it; a vertex of the edge where there
     /// is no triangle.
-    pub(super) opposite: Vec<[u32; 2]>,
+    pub opposite: Vec<[u32; 2]>,
     /// Each vertex with each of its neighbours in triangles, ascending.
     pub(super) neighbours: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.

@@ -447,10 +447,12 @@ proptest! {
             let shuffled = shuffled.into_iter().map(|(corners, _)| corners);
             scene.surfaces.triangles.splice(all, shuffled);
             let all = part.edges.start as usize..part.edges.end as usize;
-            let mut shuffled: Vec<_> = scene.surfaces.edges[all.clone()].iter().copied().zip(seed.iter().cycle()).collect();
+            let edges = scene.surfaces.edges[all.clone()].iter().zip(&scene.surfaces.opposite[all.clone()]);
+            let mut shuffled: Vec<_> = edges.map(|(ends, opposite)| (*ends, *opposite)).zip(seed.iter().cycle()).collect();
             shuffled.sort_by_key(|(_, at)| **at);
-            let shuffled = shuffled.into_iter().map(|(ends, _)| ends);
-            scene.surfaces.edges.splice(all, shuffled);
+            let (ends, opposite): (Vec<_>, Vec<_>) = shuffled.into_iter().map(|(edge, _)| edge).unzip();
+            scene.surfaces.edges.splice(all.clone(), ends);
+            scene.surfaces.opposite.splice(all, opposite);
         }
         let (_, found) = scene.contacts(20_000, None);
         prop_assert!(found == expected);

@@ -477,19 +477,18 @@ fn a_step_with_contact_allocates_nothing() {
 }
 
 /// The certificate stops a vertex of a stiff block before the others. To go on with the others alone would take much energy.
-#[test]
-fn a_stiff_block_that_stops_at_a_vertex_lands() {
+/// A lower block and an upper one of a soft material on a floor. Of each block the size (m), the cells, the place of its centre (m)
+/// and the density (kg/m3).
+fn two_blocks(blocks: [([f64; 3], [u32; 3], [f64; 3], f64); 2], friction: f64) -> World {
     let mut world = World::new();
     world.radius = 20e-6;
-    let lower = ([0.05, 0.05, 0.03], [4, 4, 2], [0.0, 0.0, 0.01502]);
-    let upper = ([0.03, 0.03, 0.02], [2, 2, 2], [0.002, 0.001, 0.04007]);
-    for (size, cells, place) in [lower, upper] {
+    for (size, cells, place, density) in blocks {
         let mut mesh = physics::mesh::generate_box::solid_box(size, cells).unwrap();
         (mesh.positions.iter_mut()).for_each(|x| *x += Vec3::from(place));
         let rubber = physics::SolidMaterial {
             young: 40e3,
             poisson: 0.3,
-            density: 1000.0,
+            density,
         };
         let config = BodyConfig {
             gravity: DOWN,
@@ -502,12 +501,49 @@ fn a_stiff_block_that_stops_at_a_vertex_lands() {
         world.add(body, Mesh::Solid(mesh), 20e-6, true);
     }
     world.still(Shape::Plane, Vec3::zeros());
-    world.complete(0.4);
+    world.complete(friction);
+    world
+}
+
+#[test]
+fn a_stiff_block_that_stops_at_a_vertex_lands() {
+    let lower = ([0.05, 0.05, 0.03], [4, 4, 2], [0.0, 0.0, 0.01502], 1000.0);
+    let upper = (
+        [0.03, 0.03, 0.02],
+        [2, 2, 2],
+        [0.002, 0.001, 0.04007],
+        1000.0,
+    );
+    let mut world = two_blocks([lower, upper], 0.4);
     for _ in 0..250 {
         world.step();
     }
     let carried = -world.force([0, 1]).z / world.weight(1);
     assert!((carried - 1.0).abs() < 5e-3, "{carried}");
+}
+
+#[test]
+fn blocks_that_lie_flush_on_each_other_do_not_lock() {
+    // The upper block is as heavy as the lower one, and eight times as heavy. All vertices and edges between the blocks lie on
+    // each other, and the blocks bulge over each other's borders.
+    for (density, friction) in [(1000.0, 0.0), (1000.0, 0.5), (8000.0, 0.5)] {
+        let lower = ([0.05; 3], [3; 3], [0.0, 0.0, 0.02502], 1000.0);
+        let upper = ([0.05; 3], [3; 3], [0.0, 0.0, 0.07507], density);
+        let mut world = two_blocks([lower, upper], friction);
+        let weight = world.weight(1);
+        let mut most: f64 = 0.0;
+        for _ in 0..150 {
+            world.step();
+            most = most.max(world.force([0, 1]).norm());
+        }
+        // What lands on a spring presses with twice its weight.
+        assert!(most < 2.0 * weight, "{density} {friction}: {most} {weight}");
+        let carried = -world.force([0, 1]).z / weight;
+        assert!(
+            (carried - 1.0).abs() < 0.1,
+            "{density} {friction}: {carried}"
+        );
+    }
 }
 
 #[test]
