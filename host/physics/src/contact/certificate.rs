@@ -6,8 +6,9 @@
 //! distance for each vertex (Li et al., "Incremental potential contact", 2020, limit the step by continuous collision
 //! detection instead). An edge that slides over another one turns the direction of the shortest connection. So if `n` fails,
 //! the normal of the triangle or of both edges is tried, and then the direction at the end: the proof holds for any direction.
-//! An edge that passes over one parallel to it turns the direction to the other side, and both have no normal: the last
-//! direction is across the edge and its motion.
+//! An edge that passes over one parallel to it turns the direction to the other side, and both have no normal; an edge that
+//! slides beneath the end of another one, which stands on it, is separated by neither. The last directions are those across
+//! an edge and the motion.
 //!
 //! **Truncation.** If the certificate fails, a plane between the two things divides the space. The displacement of each
 //! vertex is scaled by the largest fraction with which the vertex stays on its side. The start satisfies all planes, so
@@ -149,7 +150,7 @@ fn plane_normal(pair: Pair, [a, b, c, d]: [Vec3; 4]) -> Vec3 {
     }
 }
 
-/// Whether a pair moves from the positions `at` to the positions `ends` (m) without a crossing: one of four directions separates
+/// Whether a pair moves from the positions `at` to the positions `ends` (m) without a crossing: one of five directions separates
 /// it at both, and of the gap in this direction (m) as much is left as `left` says. `start` is its connection at the start.
 pub(crate) fn is_certain(
     pair: Pair,
@@ -169,7 +170,7 @@ pub(crate) fn is_certain(
     };
     separates(&start.apart) || {
         let ends_at_start = start.vertices.map(at);
-        let [a, b, ..] = ends_at_start;
+        let [a, b, c, d] = ends_at_start;
         let plane = plane_normal(pair, ends_at_start);
         let separates_signed =
             |direction: Vec3| separates(&(direction * direction.dot(&start.apart).signum()));
@@ -177,7 +178,8 @@ pub(crate) fn is_certain(
             || separates(&pair.foot_at(surfaces, ends).apart)
             || matches!(pair, Pair::EdgeEdge(..)) && {
                 let [p, q, r, s] = start.vertices.map(|vertex| ends(vertex) - at(vertex));
-                separates_signed((b - a).cross(&(p + q - r - s)))
+                let motion = p + q - r - s;
+                separates_signed((b - a).cross(&motion)) || separates_signed((d - c).cross(&motion))
             }
     }
 }

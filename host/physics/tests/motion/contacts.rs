@@ -477,18 +477,28 @@ fn a_step_with_contact_allocates_nothing() {
 }
 
 /// The certificate stops a vertex of a stiff block before the others. To go on with the others alone would take much energy.
-/// A lower block and an upper one of a soft material on a floor. Of each block the size (m), the cells, the place of its centre (m)
-/// and the density (kg/m3).
-fn two_blocks(blocks: [([f64; 3], [u32; 3], [f64; 3], f64); 2], friction: f64) -> World {
+/// A block of a soft material.
+struct Soft {
+    /// Along each axis (m).
+    size: [f64; 3],
+    cells: [u32; 3],
+    /// Of the centre (m).
+    place: [f64; 3],
+    /// (kg/m3)
+    density: f64,
+}
+
+/// A lower block and an upper one on a floor.
+fn two_blocks(blocks: [Soft; 2], friction: f64) -> World {
     let mut world = World::new();
     world.radius = 20e-6;
-    for (size, cells, place, density) in blocks {
-        let mut mesh = physics::mesh::generate_box::solid_box(size, cells).unwrap();
-        (mesh.positions.iter_mut()).for_each(|x| *x += Vec3::from(place));
+    for block in blocks {
+        let mut mesh = physics::mesh::generate_box::solid_box(block.size, block.cells).unwrap();
+        (mesh.positions.iter_mut()).for_each(|x| *x += Vec3::from(block.place));
         let rubber = physics::SolidMaterial {
             young: 40e3,
             poisson: 0.3,
-            density,
+            density: block.density,
         };
         let config = BodyConfig {
             gravity: DOWN,
@@ -507,13 +517,18 @@ fn two_blocks(blocks: [([f64; 3], [u32; 3], [f64; 3], f64); 2], friction: f64) -
 
 #[test]
 fn a_stiff_block_that_stops_at_a_vertex_lands() {
-    let lower = ([0.05, 0.05, 0.03], [4, 4, 2], [0.0, 0.0, 0.01502], 1000.0);
-    let upper = (
-        [0.03, 0.03, 0.02],
-        [2, 2, 2],
-        [0.002, 0.001, 0.04007],
-        1000.0,
-    );
+    let lower = Soft {
+        size: [0.05, 0.05, 0.03],
+        cells: [4, 4, 2],
+        place: [0.0, 0.0, 0.01502],
+        density: 1000.0,
+    };
+    let upper = Soft {
+        size: [0.03, 0.03, 0.02],
+        cells: [2, 2, 2],
+        place: [0.002, 0.001, 0.04007],
+        density: 1000.0,
+    };
     let mut world = two_blocks([lower, upper], 0.4);
     for _ in 0..250 {
         world.step();
@@ -527,8 +542,13 @@ fn blocks_that_lie_flush_on_each_other_do_not_lock() {
     // The upper block is as heavy as the lower one, and eight times as heavy. All vertices and edges between the blocks lie on
     // each other, and the blocks bulge over each other's borders.
     for (density, friction) in [(1000.0, 0.0), (1000.0, 0.5), (8000.0, 0.5)] {
-        let lower = ([0.05; 3], [3; 3], [0.0, 0.0, 0.02502], 1000.0);
-        let upper = ([0.05; 3], [3; 3], [0.0, 0.0, 0.07507], density);
+        let block = |height: f64, density: f64| Soft {
+            size: [0.05; 3],
+            cells: [3; 3],
+            place: [0.0, 0.0, height],
+            density,
+        };
+        let (lower, upper) = (block(0.02502, 1000.0), block(0.07507, density));
         let mut world = two_blocks([lower, upper], friction);
         let weight = world.weight(1);
         let mut most: f64 = 0.0;
@@ -822,6 +842,45 @@ fn a_stiff_edge_that_is_pressed_gets_the_work_of_what_presses() {
                 assert!(given < most, "{cells:?} {friction} {speed}: {given}");
                 assert!(beyond < 0.02, "{cells:?} {friction} {speed}: {beyond}");
             }
+        }
+    }
+}
+
+#[test]
+fn a_long_box_that_slides_beneath_a_block_leaves_it_room() {
+    for speed in [0.5, 1.0, 3.0] {
+        let mut world = World::new();
+        world.radius = 25e-6;
+        let mut mesh = physics::mesh::generate_box::solid_box([0.05; 3], [3, 3, 3]).unwrap();
+        mesh.positions.iter_mut().for_each(|x| x.z += 0.05 + 2e-4);
+        let material = physics::SolidMaterial {
+            young: 1e5,
+            poisson: 0.3,
+            density: 1000.0,
+        };
+        let config = BodyConfig {
+            gravity: DOWN,
+            stiffness_damping: 5e-3,
+            ..BodyConfig::default()
+        };
+        let law = physics::SolidLaw::Corotational;
+        let body = Body::solid(&mesh, &[material], law, config, &[]).unwrap();
+        let radius = world.radius;
+        world.add(body, Mesh::Solid(mesh), radius, false);
+        let half = Vec3::new(2.0, 0.15, 0.025);
+        let at = |time: f64, x: f64| TimedPose {
+            time,
+            pose: (Vec3::x() * x).into(),
+        };
+        world.obstacle(
+            Shape::Box { half },
+            Motion::Poses(vec![at(0.0, -0.5 * speed), at(1.0, 0.5 * speed)]),
+        );
+        world.complete(0.1);
+        for _ in 0..100 {
+            world.step();
+            let report = world.contacts.report();
+            assert_eq!(report.truncated.squeezed, 0, "{speed} {}", world.steps);
         }
     }
 }
