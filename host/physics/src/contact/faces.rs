@@ -196,6 +196,33 @@ mod tests {
     }
 
     #[test]
+    fn a_vertex_on_an_edge_of_the_other_face_does_not_touch_it() {
+        // A tear has cut the second square, and the first one has no vertex there.
+        let at = |x: f64, y: f64| Vec3::new(x, y, 0.0) * 0.01;
+        let first = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+        let second = [
+            at(1.0, 0.0),
+            at(2.0, 0.0),
+            at(2.0, 1.0),
+            at(1.0, 1.0),
+            at(1.0, 0.5),
+        ];
+        let positions = [first.as_slice(), &second].concat();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 8], [5, 6, 8], [6, 7, 8]];
+        let mut surfaces = Surfaces::default();
+        let skin = Skin {
+            radius: 0.5 * THICKNESS,
+            touches_itself: true,
+            is_obstacle: false,
+        };
+        let mesh = TriMesh::new(positions.clone(), triangles).expect("a surface");
+        let part = surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
+        surfaces.tears(part, &positions);
+        assert!(Pair::VertexTriangle(8, 0).is_closed(&surfaces));
+        assert!(!Pair::VertexTriangle(8, 1).is_closed(&surfaces));
+    }
+
+    #[test]
     fn faces_that_cross_stay_closed() {
         let (mut surfaces, rest) = torn();
         // The border of the second square passes from above the first one to below it.

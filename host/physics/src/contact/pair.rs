@@ -7,6 +7,9 @@ use crate::Vec3;
 /// The fraction of the distance at rest at which the two sides of a sliver touch: a sheet at rest does not touch itself.
 const NEARLY: f64 = 0.9;
 
+/// The distance at rest (m) below which two things of one part are at the same place: rounding of coordinates, not an element.
+const JOINED: f64 = 1e-12;
+
 /// Two things that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Pair {
@@ -75,9 +78,16 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
-    /// Whether the two things are at twins that are closed. Such a pair does not touch.
+    /// Whether the two things are at twins that are closed, or at the same place at rest without twins: a tear has cut an edge of one
+    /// of its faces, and a vertex in the other face lies on this edge. Such a pair does not touch.
     pub(crate) fn is_closed(self, surfaces: &Surfaces) -> bool {
-        self.twins(surfaces).any(|are_open| !are_open)
+        let mut twins = self.twins(surfaces).peekable();
+        if twins.peek().is_some() {
+            twins.any(|are_open| !are_open)
+        } else {
+            self.near_at_rest(surfaces)
+                .is_some_and(|near| near < JOINED)
+        }
     }
 
     /// The distance at which the two things touch (m), if their parts do at `most`. Where tears have left slivers that are narrower
