@@ -53,37 +53,12 @@ impl Surfaces {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::Skin;
-    use crate::mesh::{Mesh, TriMesh};
-
-    /// A roof over two squares, `height` (m) high at its ridge, whose edge is the one between vertices 1 and 4.
-    fn roof(height: f64, is_solid: bool) -> (Surfaces, Vec<Vec3>) {
-        let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
-        let x = vec![
-            at(0.0, 0.0, 0.0),
-            at(0.01, 0.0, height),
-            at(0.02, 0.0, 0.0),
-            at(0.0, 0.01, 0.0),
-            at(0.01, 0.01, height),
-            at(0.02, 0.01, 0.0),
-        ];
-        // The second triangle at the ridge is the first one in the other order of vertices, too.
-        let triangles = vec![[1, 2, 5], [1, 5, 4], [0, 1, 4], [0, 4, 3]];
-        let mut surfaces = Surfaces::default();
-        let skin = Skin {
-            radius: 0.0,
-            touches_itself: false,
-            is_obstacle: false,
-        };
-        let mesh = TriMesh::new(x.clone(), triangles).expect("a surface");
-        surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
-        surfaces.parts[0].is_solid = is_solid;
-        (surfaces, x)
-    }
+    use crate::contact::surface::tests::roof;
 
     /// The directions across the ridge, every ten degrees from that of x to that of z and on, that lead away from it.
     fn around(height: f64, is_solid: bool) -> Vec<u32> {
-        let (surfaces, x) = roof(height, is_solid);
+        let (mut surfaces, x) = roof(height);
+        surfaces.parts[0].is_solid = is_solid;
         let ridge = surfaces.edges.iter().position(|edge| *edge == [1, 4]);
         let ridge = ridge.expect("a ridge") as u32;
         let leaves = |tens: &u32| {
@@ -111,7 +86,7 @@ mod tests {
 
     #[test]
     fn the_border_of_a_sheet_is_left_on_all_sides_but_that_of_its_triangle() {
-        let (surfaces, x) = roof(0.0, false);
+        let (surfaces, x) = roof(0.0);
         let border = surfaces.edges.iter().position(|edge| *edge == [0, 3]);
         let border = border.expect("a border") as u32;
         let leaves = |x_part: f64| {
@@ -123,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_direction_from_a_vertex_leads_away_from_its_neighbours() {
-        let (surfaces, x) = roof(0.0, false);
+        let (surfaces, x) = roof(0.0);
         let leaves = |direction: Vec3| surfaces.leaves_vertex(0, &direction, &x);
         assert!(leaves(Vec3::z()) && leaves(-Vec3::x()) && leaves(-Vec3::y()));
         assert!(!leaves(Vec3::x()) && !leaves(Vec3::new(-0.6, 0.8, 0.0)));

@@ -308,12 +308,12 @@ impl Surfaces {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::mesh::TriMesh;
 
-    /// A roof over two squares, `height` (m) high at its ridge, and its flags.
-    fn roof(height: f64) -> Surfaces {
+    /// A roof over two squares, `height` (m) high at its ridge between vertices 1 and 4, and the positions of its vertices.
+    pub(in crate::contact) fn roof(height: f64) -> (Surfaces, Vec<Vec3>) {
         let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
         let positions = vec![
             at(0.0, 0.0, 0.0),
@@ -331,15 +331,21 @@ mod tests {
             is_obstacle: true,
         };
         let mesh = TriMesh::new(positions.clone(), triangles).expect("a surface");
-        let part = surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
-        surfaces.is_rigid(part, &positions).expect("a surface");
+        surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
+        (surfaces, positions)
+    }
+
+    /// A roof that keeps its shape, with its flags.
+    fn rigid_roof(height: f64) -> Surfaces {
+        let (mut surfaces, positions) = roof(height);
+        surfaces.is_rigid(0, &positions).expect("a surface");
         surfaces
     }
 
     #[test]
     fn a_ridge_holds_edges_and_a_plane_or_a_valley_does_not() {
         let flat = |height: f64| {
-            let surfaces = roof(height);
+            let surfaces = rigid_roof(height);
             let edges = surfaces.edges.iter().zip(&surfaces.flat_edges);
             let flat = edges.filter(|(_, is_flat)| **is_flat);
             flat.map(|(edge, _)| *edge).collect::<Vec<_>>()
@@ -348,6 +354,6 @@ mod tests {
         assert_eq!(flat(1e-3), [[0, 4], [1, 5]]);
         assert_eq!(flat(0.0), [[0, 4], [1, 4], [1, 5]]);
         assert_eq!(flat(-1e-3), [[0, 4], [1, 4], [1, 5]]);
-        assert_eq!(roof(0.0).flat_vertices, [false; 6]);
+        assert_eq!(rigid_roof(0.0).flat_vertices, [false; 6]);
     }
 }
