@@ -1,32 +1,24 @@
-//! Whether a connection of two things is a least distance between the surfaces.
+//! Whether the connection of two edges is a least distance between the surfaces.
 //!
-//! A contact presses where the distance between two surfaces has a local minimum. There, the connection leads away from all
-//! that is around its feet. Where the connection of two edges leans towards a triangle at one of them, something else on this
+//! A contact presses where the distance between two surfaces has a local minimum. There, the connection leads away from the
+//! triangles at both edges. Where the connection of two edges leans towards a triangle at one of them, something else on this
 //! triangle is nearer, and has a row with another direction. Rows against each other lock two bodies: the borders of two
 //! blocks that lie flush on each other have many edges that are no least distance, in all directions across the border.
 //!
 //! For surfaces of solids a connection must also lead outwards. Two edges in flat surfaces that have slid past each other by
 //! less than rounding have the opposite direction.
+//!
+//! Vertices have no such condition. A vertex that meets a triangle is often the only contact where an arm of a body is pressed on
+//! another: with the condition, the force of such a hand was wrong by 65 % of its peak.
 
 use super::surface::Surfaces;
 use crate::Vec3;
 
-/// The sine of the angle by which a connection may lean towards what is around its feet. Triangles that are nearly flat touch
+/// The sine of the angle by which a connection may lean towards a triangle at its edge. Triangles that are nearly flat touch
 /// others at their edges, too. Values from 0.03 to 0.6 make no difference to blocks on each other.
 const ASIDE: f64 = 0.3;
 
 impl Surfaces {
-    /// Whether a direction, of length one, leads away from a vertex and its neighbours. `x` are the positions of the vertices (m).
-    pub(super) fn leaves_vertex(&self, vertex: u32, direction: &Vec3, x: &[Vec3]) -> bool {
-        let from = self.neighbours.partition_point(|[of, _]| *of < vertex);
-        let own = self.neighbours[from..].iter();
-        let mut own = own.take_while(|[of, _]| *of == vertex);
-        own.all(|[_, to]| {
-            let along = x[*to as usize] - x[vertex as usize];
-            direction.dot(&along) <= ASIDE * along.norm()
-        })
-    }
-
     /// Whether a direction, of length one and across an edge, leads away from the triangles at the edge. `x` are the positions of
     /// the vertices (m).
     pub(super) fn leaves_edge(&self, edge: u32, direction: &Vec3, x: &[Vec3]) -> bool {
@@ -94,13 +86,5 @@ mod tests {
             surfaces.leaves_edge(border, &direction, &x)
         };
         assert_eq!([-1.0, 0.0, 0.2, 0.4].map(leaves), [true, true, true, false]);
-    }
-
-    #[test]
-    fn a_direction_from_a_vertex_leads_away_from_its_neighbours() {
-        let (surfaces, x) = roof(0.0);
-        let leaves = |direction: Vec3| surfaces.leaves_vertex(0, &direction, &x);
-        assert!(leaves(Vec3::z()) && leaves(-Vec3::x()) && leaves(-Vec3::y()));
-        assert!(!leaves(Vec3::x()) && !leaves(Vec3::new(-0.6, 0.8, 0.0)));
     }
 }

@@ -438,10 +438,6 @@ impl Rows {
                 let key = Key::Vertex(one.vertex, one.part);
                 let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
                 let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
-                let x = if is_end { &self.ends } else { step.x };
-                if !step.surfaces.leaves_vertex(one.vertex, &-at.normal, x) {
-                    return;
-                }
                 let contact = self.contact(step, key, parts, at, predicted, one.thickness);
                 self.push(&contact);
             });

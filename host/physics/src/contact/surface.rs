@@ -50,8 +50,6 @@ pub struct Surfaces {
     /// Of each edge, the third vertices of the triangles to the left and to the right of it; a vertex of the edge where there
     /// is no triangle.
     pub opposite: Vec<[u32; 2]>,
-    /// Each vertex with each of its neighbours in triangles, ascending.
-    pub(super) neighbours: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
     /// The area of the surface at rest around each vertex (m²), of a thread by the radius of its skin; infinite for obstacles.
@@ -157,12 +155,7 @@ impl Surfaces {
             let [a, b] = ends.map(|v| v + first);
             self.edges.push([a, b]);
             self.opposite.push(opposite.map(|v| v + first));
-            if !triangles.is_empty() {
-                self.neighbours.extend([[a, b], [b, a]]);
-            }
         }
-        // The vertices of earlier parts come before those of this one.
-        self.neighbours.sort_unstable();
         self.vertices += positions.len();
         self.flat_vertices.resize(self.vertices, false);
         self.flat_edges.resize(self.edges.len(), false);

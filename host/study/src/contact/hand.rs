@@ -29,7 +29,7 @@ const HOSTS: [(f64, u64); 8] = [
     (1000.0, 1),
 ];
 /// Number of the hosts that the quick part compares.
-const QUICK: usize = 2;
+const QUICK: usize = 3;
 /// The rows with which the models are rendered.
 const ROWS: [(&str, Change); 4] = [
     ("none", unlimited),
