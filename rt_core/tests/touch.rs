@@ -1,7 +1,10 @@
-//! A contact that closes before the next model comes: the limit that stiffens a model.
+//! A contact that closes before the next model comes: the limit that stiffens a model; and one that parts.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
+#![allow(clippy::disallowed_types)]
 
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::geometry::Twist;
-use rt_core::{LocalModel, Pose, TearLimit, Vec3, Vec6};
+use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, TearLimit, Vec3, Vec6};
 
 const GAP: f64 = 1e-3;
 const TIME: f64 = 0.01;
@@ -82,4 +85,62 @@ fn a_limit_that_stiffens_needs_a_gap_and_a_damper_that_does_not_push() {
         (model.head.tear_limit.root, model.head.tear_limit.critical) = (root, critical);
         assert!(model.check().is_err(), "{root} {critical}");
     }
+}
+
+/// A hand lifts a body off at a newton. The model after the parting has no stiffness; until it is blended in, the former one
+/// yields as it did.
+#[test]
+fn the_force_after_a_contact_has_parted_does_not_fall_with_its_stiffness() {
+    const MS: u64 = 1_000_000;
+    let mut coupling = Coupling::new(CouplingConfig {
+        scheme: Scheme::Linear,
+        period: 1e-3,
+        blend: 0.5,
+        age_limit: 1.0,
+        decay: 0.1,
+        recovery: 0.1,
+        hold_damping: [0.0; MAX_DEVICES],
+        passivity: PassivityConfig::new(1e-3),
+    });
+    let mut pressed = LocalModel::empty();
+    pressed.head.sequence = 1;
+    pressed.head.period = 0.016;
+    pressed.head.horizon = 0.016;
+    pressed.head.handle_count = 1;
+    pressed.stiffness[0][0][(0, 0)] = 1000.0;
+    let mut parted = pressed;
+    pressed.head.tear_limit = TearLimit {
+        root: 0.0,
+        critical: 1.0,
+        area: 1e-3,
+    };
+    pressed.handles[0].tear_slope[0] = 1000.0;
+    // From 320 ms on, when the whole force is rendered, the hand moves by 0.25 mm in a tick.
+    let x = |tick: u64| 0.25e-3 * tick.saturating_sub(320) as f64;
+    let mut forces = Vec::new();
+    for tick in 0..352 {
+        if tick <= 320 && tick % 16 == 0 {
+            pressed.head.sequence = tick / 16 + 1;
+            pressed.head.time_ns = tick * MS;
+            coupling.accept(&pressed).expect("a sound model");
+        }
+        if tick == 336 {
+            parted.head.sequence = 22;
+            parted.head.time_ns = tick * MS;
+            parted.stiffness[0][0][(0, 0)] = 0.0;
+            parted.handles[0].pose = Pose::at(Vec3::new(x(tick), 0.0, 0.0));
+            parted.handles[0].wrench.force.x = -1.0;
+            coupling.accept(&parted).expect("a sound model");
+        }
+        let hand = (Pose::at(Vec3::new(x(tick), 0.0, 0.0)), Twist::zero());
+        let wrenches = coupling.tick(tick * MS, &[hand]);
+        coupling.hold(&wrenches, &[Passed::WHOLE; MAX_DEVICES]);
+        forces.push(wrenches[0].force.x);
+    }
+    let most = forces.iter().copied().fold(0.0, f64::min);
+    assert!(most > -1.0 - 1e-9, "{most}");
+    assert!(
+        forces[326..].iter().all(|force| *force < -0.9),
+        "{forces:?}"
+    );
 }

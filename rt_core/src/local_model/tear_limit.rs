@@ -30,8 +30,11 @@
 //! **A touch** is a contact that closes before the next model comes. Its limit stiffens the model, `a < 0`: hands that move by
 //! `q . d = s_c` close the gap, and further on feel the spring `-a` and its damper `-a t` along `q`, with the time `t`. The
 //! opposite signs give the same wrench and potential. The damper is never stronger than the spring: it comes in without a step,
-//! and a hand that leaves is not pulled. A model that is followed by another one while its gap is closed hands its spring and its
-//! damper on.
+//! and a hand that leaves is not pulled.
+//!
+//! A model that is followed by another one while it is beyond the limit of a contact hands the spring on that it has there, and
+//! the damper of a touch: the force passes from one model to the next by the stiffness that the hands met last. A tear hands nothing
+//! on, because the next model finds the tip elsewhere.
 //!
 //! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
 //! energy that hands have not supplied.
@@ -71,6 +74,11 @@ impl TearLimit {
     /// Whether the limit is that of a contact that closes.
     pub fn is_touch(&self) -> bool {
         self.is_some() && self.area < 0.0
+    }
+
+    /// Whether the limit is that of contacts, of which no spring stretches at the reference.
+    fn is_of_contacts(&self) -> bool {
+        self.is_some() && self.root <= 0.0
     }
 
     /// Whether every number is finite, and the area is not negative but for a touch, whose gap is open and whose time is not
@@ -188,20 +196,20 @@ impl LocalModel {
         limit.root = damping / limit.area;
     }
 
-    /// Adds a fraction of the spring and the damper of a touch whose gap is closed to stiffness and damping. `touched` is the model
-    /// that has it, and `fraction` is that of `touched` in this [mix](Self::mix): a mix of bounded models is bounded.
-    pub(crate) fn hand_on(&mut self, touched: &Self, fraction: f64, devices: &[(Pose, Twist)]) {
-        let limit = &touched.head.tear_limit;
-        let deviations = touched.deviations(devices);
+    /// Adds a fraction of the spring and the damper of a limit of contacts that is exceeded to stiffness and damping. `limited` is
+    /// the model that has it, and `fraction` is that of `limited` in this [mix](Self::mix): a mix of bounded models is bounded.
+    pub(crate) fn hand_on(&mut self, limited: &Self, fraction: f64, devices: &[(Pose, Twist)]) {
+        let limit = &limited.head.tear_limit;
+        let deviations = limited.deviations(devices);
         let along =
-            || touched.along_slope(deviations.iter().map(|deviation| &deviation.displacement));
-        if !limit.is_touch() || limit.excess(along()) == 0.0 {
+            || limited.along_slope(deviations.iter().map(|deviation| &deviation.displacement));
+        if !limit.is_of_contacts() || limit.excess(along()) == 0.0 {
             return;
         }
         let rows = self.stiffness.iter_mut().zip(&mut self.damping);
-        for ((stiffness, damping), own) in rows.zip(touched.handles()) {
+        for ((stiffness, damping), own) in rows.zip(limited.handles()) {
             let blocks = stiffness.iter_mut().zip(damping);
-            for ((k, b), other) in blocks.zip(touched.handles()) {
+            for ((k, b), other) in blocks.zip(limited.handles()) {
                 let slopes = outer(&own.tear_slope, &other.tear_slope);
                 *k -= slopes * (fraction * limit.area);
                 *b += slopes * (fraction * limit.damping());
