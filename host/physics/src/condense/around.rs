@@ -275,6 +275,36 @@ impl Parts {
         rate
     }
 
+    /// The rate of the force on the hands by a column that contacts which have just closed add to the drift (N/s), for models
+    /// published every `period` seconds.
+    ///
+    /// The drift is that of an implicit step in which the springs `D` of the contacts have the damper `beta D`, as the elements
+    /// have. A contact has none. At the start of the step its damper had the force `beta D J v`, which no contact exerts, so that
+    /// the step changes the force on the hands by `-beta (D J Psi) . J v` more. This is the force of the dampers between the hands
+    /// and a node that still moves: its contact stops it long before the next model comes.
+    ///
+    /// `J v` is the approach along the normal alone: a node that leaves is not held, and friction may not suffice to stop one that
+    /// moves across. A node that came to its contact with the hands is no faster than they are, so that the dampers add no more
+    /// than for the whole stiffness of the column. A faster node chatters, and tells nothing of the time until the next model.
+    pub(super) fn stopping<T: Precision>(
+        &self,
+        body: &Body,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+        column: usize,
+        period: f64,
+    ) -> f64 {
+        let mut stopped = 0.0;
+        for spring in around.springs.iter().filter(|spring| spring.closes == 0.0) {
+            let velocity = spring.difference(&|at| around.velocity(body, at)) - spring.carried;
+            let approach = spring.normal.dot(&velocity).min(0.0);
+            let moved = spring.difference(&|at| self.shape(around, reduction, column, at));
+            stopped -= approach * spring.normal.dot(&(spring.stiffness * moved));
+        }
+        let most = reduction.rate(column);
+        body.model.config.stiffness_damping / period * stopped.max(-most).min(most)
+    }
+
     /// The limit of the contacts between the body and the side on which it presses most; `None` if it presses on no other. `slopes`
     /// receives a number for each column.
     ///
@@ -364,6 +394,17 @@ impl Parts {
 }
 
 impl<T: Precision> Around<'_, T> {
+    /// The velocity of a node; zero for a body that is left out.
+    fn velocity(&self, own: &Body, at: At) -> Vec3 {
+        let other = self.others[at.body].as_ref().map(|other| other.body);
+        let body = if at.body == self.number {
+            Some(own)
+        } else {
+            other
+        };
+        body.map_or_else(Vec3::zeros, |body| body.state.v[at.node as usize])
+    }
+
     /// The displacement of a node in the vectors of the conjugate gradients.
     fn displacement(&self, own: &Stepper<T>, at: At) -> Vec3 {
         let of = |stepper: &Stepper<T>| by_node(&stepper.places.of, &stepper.cg.u)(at.node);

@@ -280,6 +280,14 @@ impl Reduction {
         &self.condensed
     }
 
+    /// The sum of the sizes by which the motions of the hands change the force along a column through the stiffness (N/s).
+    pub(crate) fn rate(&self, column: usize) -> f64 {
+        let slot = self.columns[column].slot();
+        let each = self.columns.iter().zip(&self.speeds);
+        each.map(|(other, speed)| (self.condensed.stiffness[(slot, other.slot())] * speed).abs())
+            .sum()
+    }
+
     /// Computes the drift from the shapes and the velocities of the free nodes.
     ///
     /// Consider one implicit Euler step of the linearized body over the period `t`, while the handles keep the

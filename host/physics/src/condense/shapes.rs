@@ -172,7 +172,8 @@ impl Shapes {
             for column in 0..reduction.columns.len() {
                 let slot = reduction.columns[column].slot();
                 let drift = parts.drift(around, reduction, column);
-                reduction.condensed.drift[slot] += drift;
+                let stopping = parts.stopping(body, around, reduction, column, period);
+                reduction.condensed.drift[slot] += drift + stopping;
             }
         }
         Ok((&reduction.condensed, report))

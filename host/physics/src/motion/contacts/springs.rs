@@ -27,6 +27,8 @@ pub struct Spring {
     pub pressed: f64,
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
+    /// The velocity of the obstacle's material point (m/s); zero between bodies.
+    pub carried: Vec3,
     /// The time in which the contact closes (s); zero if it holds.
     pub closes: f64,
     /// The time from then to the end of the look ahead (s).
@@ -86,8 +88,11 @@ impl Contacts {
                 let mut nodes = touch.nodes.iter().filter(|(_, weight)| *weight != 0.0);
                 let body = nodes.next().map(|(at, _)| at.body);
                 if body.is_some_and(|body| self.islands.root(body) == root) {
-                    let sides = self.rows.contacts()[*row].parts;
-                    springs.push(spring(touch, sides, root));
+                    let contact = &self.rows.contacts()[*row];
+                    springs.push(Spring {
+                        carried: touch.row.motion / self.h,
+                        ..spring(touch, contact.parts, root)
+                    });
                 }
             }
         }
@@ -185,6 +190,7 @@ fn closing(contact: &Contact, nodes: [(At, f64); 4], [closes, lasts]: [f64; 2]) 
         normal: row.normal,
         pressed: 0.0,
         stiffness,
+        carried: Vec3::zeros(),
         closes,
         lasts,
         root: 0,
@@ -203,6 +209,7 @@ fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
         normal: row.normal,
         pressed: touch.response.normal,
         stiffness: tangent + rigid,
+        carried: Vec3::zeros(),
         closes: 0.0,
         lasts: 0.0,
         root,
