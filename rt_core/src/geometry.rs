@@ -9,6 +9,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// Translation and rotation, or force and moment, stacked.
 pub type Vec6 = nalgebra::Vector6<f64>;
+/// A compliance between two points.
+pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A stiffness or damping block between two handles.
 pub type Mat6 = nalgebra::Matrix6<f64>;
 

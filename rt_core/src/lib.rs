@@ -64,6 +64,7 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 mod slip;
+pub mod tool;
 pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};

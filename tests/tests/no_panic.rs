@@ -12,11 +12,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The tick's entries, as `tests/no_panic/src/lib.rs` defines them.
-const ENTRIES: [&str; 5] = [
+const ENTRIES: [&str; 7] = [
     "law_accept",
     "law_accept_packed",
     "law_cycle",
     "law_record",
+    "law_tool_accept",
+    "law_tool_tick",
     "law_velocity",
 ];
 /// The functions of the device, which the tick must call.

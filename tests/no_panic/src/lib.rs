@@ -8,6 +8,7 @@
 use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 use rt_core::local_model::PackedModel;
+use rt_core::tool::{PackedPatch, Tool};
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
     Capabilities, Controller, Device, DeviceError, DeviceState, LocalModel, Telemetry, TickRecord,
@@ -108,4 +109,16 @@ pub fn law_record(telemetry: &Telemetry, record: &mut TickRecord) {
 #[unsafe(no_mangle)]
 pub fn law_velocity(estimator: &mut VelocityEstimator, position: &Vec3) -> Vec3 {
     estimator.update(position)
+}
+
+/// A patch of a surface comes in from a ring.
+#[unsafe(no_mangle)]
+pub fn law_tool_accept(tool: &mut Tool, patch: &PackedPatch<'_>) -> bool {
+    tool.accept(patch).is_ok()
+}
+
+/// A tool in contact: any patch, any place of the hand.
+#[unsafe(no_mangle)]
+pub fn law_tool_tick(tool: &mut Tool, hand: &Vec3) -> Vec3 {
+    tool.tick(hand)
 }

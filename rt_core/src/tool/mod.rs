@@ -1,0 +1,438 @@
+//! Contact of a tool inside the tick: the tool meets, slides on and leaves surfaces that yield.
+//!
+//! The host publishes the surface near the tool as a [`Patch`]: material points (**sites**), the triangles between them, and how
+//! they yield. The tick finds the contacts and their forces by itself, so that no force waits for the host.
+//!
+//! **Yield.** With `W` the elastic compliance, `f` the forces at the sites and `b` the damping time, the displacement `u` since
+//! the message obeys `u + r = W (f - f0) + b v`, with the viscous stretch `r' = (b / t) u' - r / t`: a standard linear solid, a
+//! spring and a Maxwell arm in parallel, which is passive. Its relaxation time `t` is at least two milliseconds, and long enough for
+//! the transient stiffness to stay below what the device can render. Implicit Euler gives the places of the sites as an affine
+//! function of the forces.
+//!
+//! **Floor.** The centre of the tool (the **proxy**) is `c = x + D F`: the hand `x`, the force `F` on it, and the compliance `D` that
+//! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series.
+//!
+//! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
+//! within half a period. Forces therefore never jump.
+//!
+//! **Overlap.** If the surface comes to where the tool is, they part at a bounded speed ([`ToolConfig::parting`]).
+
+mod contacts;
+mod nearest;
+mod normal;
+mod patch;
+#[cfg(test)]
+mod tests;
+
+use crate::count_one;
+use crate::geometry::Vec3;
+use crate::publication::Publication;
+use contacts::{Contacts, Lengths, Places, Yielding, are_clear, find, loads, settle, solve};
+
+pub use contacts::Contact;
+pub use patch::{Compliance, PackedPatch, Patch, PatchFault, PatchHead, Site, Triangle};
+
+/// Largest number of sites in a patch.
+pub const MAX_SITES: usize = 16;
+/// Largest number of triangles in a patch.
+pub const MAX_TRIANGLES: usize = 32;
+/// Largest number of contacts of a tool.
+pub const MAX_CONTACTS: usize = 16;
+
+/// Least relaxation time of the viscous stretch (s): two ticks of the usual loop.
+const RELAXES: f64 = 2e-3;
+/// Largest number of times that the geometry of the contacts is linearized in a tick: once more while something overlaps. Deep in a
+/// soft surface, the force of a moving ball then is right to a thousandth.
+const LINEARIZED: usize = 4;
+/// The ways of tool and surface in a tick, by which contacts are looked for beyond the radius.
+const REACH: f64 = 2.0;
+
+/// A tool: a sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolConfig {
+    /// Radius (m).
+    pub radius: f64,
+    /// The tick's period (s).
+    pub period: f64,
+    /// The stiffest spring that the device can render (N/m).
+    pub stiffest: f64,
+    /// The largest damping that the device can render (N s/m).
+    pub most_damping: f64,
+    /// The speed at which an overlap parts (m/s).
+    pub parting: f64,
+}
+
+/// A site between ticks.
+#[derive(Clone, Copy, Debug)]
+struct SiteState {
+    /// Elastic displacement since the message (m): `u`.
+    stretch: Vec3,
+    /// Viscous stretch (m): `r`.
+    viscous: Vec3,
+    /// The difference to the place of the message when it came (m), which fades.
+    offset: Vec3,
+    /// `b v - W f0` (m).
+    bias: Vec3,
+}
+
+impl SiteState {
+    const ZERO: Self = Self {
+        stretch: Vec3::new(0.0, 0.0, 0.0),
+        viscous: Vec3::new(0.0, 0.0, 0.0),
+        offset: Vec3::new(0.0, 0.0, 0.0),
+        bias: Vec3::new(0.0, 0.0, 0.0),
+    };
+}
+
+/// How the viscous stretch of a patch relaxes in a tick.
+#[derive(Clone, Copy, Debug)]
+struct Relaxation {
+    /// The fraction of the viscous stretch that is left after a tick.
+    left: f64,
+    /// The viscous stretch by an elastic displacement in the tick.
+    gain: f64,
+}
+
+/// A tool in contact with one patch.
+///
+/// ```
+/// use rt_core::Vec3;
+/// use rt_core::tool::{Patch, Site, Tool, ToolConfig, Triangle};
+///
+/// // A floor that nothing moves, and a device that renders at most 1 kN/m.
+/// let mut floor = Patch::empty();
+/// floor.head.sequence = 1;
+/// (floor.head.site_count, floor.head.triangle_count) = (3, 1);
+/// floor.head.triangles[0].corners = [0, 1, 2];
+/// floor.head.floor.fill_diagonal(1e-3);
+/// for (site, place) in floor.sites.iter_mut().zip([[-0.1, -0.1], [0.1, -0.1], [0.0, 0.1]]) {
+///     site.place = Vec3::new(place[0], place[1], 0.0);
+/// }
+/// let mut ball = Tool::new(ToolConfig {
+///     radius: 5e-3,
+///     period: 1e-3,
+///     stiffest: 1e3,
+///     most_damping: 10.0,
+///     parting: 0.02,
+/// });
+/// ball.accept(&floor).unwrap();
+/// // The hand goes down to 2 mm below the place where the ball touches.
+/// for tick in 0..=10 {
+///     let hand = Vec3::new(0.0, 0.0, 8e-3 - 0.5e-3 * f64::from(tick));
+///     ball.tick(&hand);
+/// }
+/// assert!((ball.force() - Vec3::z() * 2.0).norm() < 1e-9);
+/// assert!((ball.proxy() - Vec3::z() * 5e-3).norm() < 1e-9);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tool {
+    config: ToolConfig,
+    patch: Patch,
+    pending: Patch,
+    is_pending: bool,
+    refused: u64,
+    relaxation: Relaxation,
+    sites: [SiteState; MAX_SITES],
+    /// The sites as rendered last (m).
+    places: [Vec3; MAX_SITES],
+    contacts: Contacts,
+    proxy: Option<Vec3>,
+    /// The offset of the proxy when the message came (m), which fades.
+    offset: Vec3,
+    fade: f64,
+    fade_step: f64,
+    has_room: bool,
+}
+
+impl Tool {
+    /// A tool before its first patch.
+    pub fn new(config: ToolConfig) -> Self {
+        Self {
+            config,
+            patch: Patch::empty(),
+            pending: Patch::empty(),
+            is_pending: false,
+            refused: 0,
+            relaxation: Relaxation {
+                left: 0.0,
+                gain: 0.0,
+            },
+            sites: [SiteState::ZERO; MAX_SITES],
+            places: [Vec3::zeros(); MAX_SITES],
+            contacts: Contacts::new(),
+            proxy: None,
+            offset: Vec3::zeros(),
+            fade: 0.0,
+            fade_step: 0.0,
+            has_room: true,
+        }
+    }
+
+    /// Hands over a patch. The next tick takes it into use.
+    ///
+    /// # Errors
+    /// The [`PatchFault`] for which the patch was refused. Refusals are counted.
+    pub fn accept(&mut self, patch: &impl Publication<Head = PatchHead>) -> Result<(), PatchFault> {
+        let current = if self.is_pending {
+            &self.pending.head
+        } else {
+            &self.patch.head
+        };
+        let head = patch.head();
+        let is_newer = head.sequence > current.sequence && head.epoch >= current.epoch;
+        let checked = patch::check(patch).and({
+            if is_newer {
+                Ok(())
+            } else {
+                Err(PatchFault::Outdated)
+            }
+        });
+        if checked.is_ok() {
+            self.pending.copy_used_from(patch);
+            self.is_pending = true;
+        } else {
+            count_one(&mut self.refused);
+        }
+        checked
+    }
+
+    /// One tick with the hand at a place (m). Returns the force on the hand (N).
+    pub fn tick(&mut self, hand: &Vec3) -> Vec3 {
+        if self.is_pending {
+            self.is_pending = false;
+            self.switch();
+        }
+        self.fade = (self.fade - self.fade_step).max(0.0);
+        let before = self.proxy.unwrap_or(*hand);
+        let centre = hand + self.offset * self.fade;
+        let free = self.free();
+        let fraction = 1.0 / (1.0 + self.relaxation.gain);
+        let (mut proxy, mut places) = (before, self.places);
+        let lengths = Lengths {
+            radius: self.config.radius,
+            reach: REACH * ((centre - before).norm() + self.most_motion(&free)),
+            parting: self.config.parting * self.config.period,
+        };
+        for pass in 0..LINEARIZED {
+            let was = Places {
+                centre: &before,
+                sites: &self.places,
+            };
+            let now = Places {
+                centre: &proxy,
+                sites: &places,
+            };
+            let kept = self.contacts.clone();
+            let found = find(self.patch.head.triangles(), [was, now], &lengths, &kept);
+            if pass > 0 && are_clear(&found, self.config.radius) {
+                break;
+            }
+            self.contacts = found;
+            if self.contacts.is_empty() {
+                (proxy, places) = (centre, free);
+                break;
+            }
+            let yielding = Yielding {
+                centre,
+                sites: &free,
+                compliance: &self.patch.compliance,
+                fraction,
+                floor: &self.patch.head.floor,
+            };
+            self.has_room = solve(&mut self.contacts, &yielding, self.config.radius);
+            proxy = centre + self.patch.head.floor * self.force();
+            places = self.loaded(&free, &loads(&self.contacts), fraction);
+        }
+        let now = Places {
+            centre: &proxy,
+            sites: &places,
+        };
+        settle(&mut self.contacts, &now);
+        self.relax(&places);
+        (self.proxy, self.places) = (Some(proxy), places);
+        self.force()
+    }
+
+    /// The force on the hand (N).
+    pub fn force(&self) -> Vec3 {
+        let forces = self.contacts.iter().map(Contact::force);
+        forces.fold(Vec3::zeros(), |sum, force| sum + force)
+    }
+
+    /// The centre of the tool on the surface (m); the origin before the first tick.
+    pub fn proxy(&self) -> Vec3 {
+        self.proxy.unwrap_or_default()
+    }
+
+    /// The contacts within reach.
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// The sites in use, as rendered (m).
+    pub fn places(&self) -> &[Vec3] {
+        let count = usize::from(self.patch.head.site_count);
+        self.places.get(..count).unwrap_or(&self.places)
+    }
+
+    /// Whether the surface left room for the tool in the last tick.
+    pub fn has_room(&self) -> bool {
+        self.has_room
+    }
+
+    /// Number of patches that were refused.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Takes the pending patch into use. Sites and proxy stay where they are.
+    fn switch(&mut self) {
+        let (old, new) = (&self.patch.head, &self.pending.head);
+        let count = usize::from(new.site_count);
+        let before = usize::from(old.site_count);
+        let mut kept = [false; MAX_SITES];
+        let vertices = self
+            .patch
+            .sites
+            .iter()
+            .zip(&self.pending.sites)
+            .take(before.min(count));
+        for (kept, (one, other)) in kept.iter_mut().zip(vertices) {
+            *kept = old.epoch == new.epoch && one.vertex == other.vertex;
+        }
+        let is_kept = |corner: &u8| kept.get(usize::from(*corner)).copied().unwrap_or_default();
+        let mut contacts = Contacts::new();
+        let each = self.contacts.iter();
+        for contact in each.filter(|contact| contact.corners.iter().all(is_kept)) {
+            // Both lists have the same room.
+            let _ = contacts.push(*contact);
+        }
+        self.contacts = contacts;
+        let offset = self.offset * self.fade + (old.floor - new.floor) * self.force();
+        self.patch.copy_used_from(&self.pending);
+        self.offset = if before > 0 { offset } else { Vec3::zeros() };
+        self.relaxation = self.relaxation();
+        self.begin_sites(&kept, count);
+        let head = &self.patch.head;
+        self.fade = 1.0;
+        self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
+    }
+
+    /// The displacement and the offset of each site of a new patch. A new site has the offset of the nearest one that was there.
+    fn begin_sites(&mut self, kept: &[bool; MAX_SITES], count: usize) {
+        let forces = loads(&self.contacts);
+        let damping = self.patch.head.damping;
+        let each = self
+            .sites
+            .iter_mut()
+            .zip(&self.patch.sites)
+            .zip(&self.patch.compliance);
+        for ((((state, site), row), place), kept) in each.zip(&self.places).zip(kept).take(count) {
+            let pairs = row.iter().zip(&self.patch.sites).zip(&forces).take(count);
+            let mut loaded = Vec3::zeros();
+            state.bias = site.velocity * damping;
+            for ((block, other), force) in pairs {
+                state.bias -= block * other.force;
+                loaded += block * force;
+            }
+            if *kept {
+                state.stretch = loaded + state.bias - state.viscous;
+                state.offset = place - (site.place + state.stretch);
+            } else {
+                (state.viscous, state.offset) = (Vec3::zeros(), Vec3::zeros());
+                state.stretch = loaded + state.bias;
+            }
+        }
+        let states = self.sites;
+        let each = self
+            .sites
+            .iter_mut()
+            .zip(&self.patch.sites)
+            .zip(&mut self.places);
+        for (((state, site), place), _) in each.zip(kept).take(count).filter(|(_, kept)| !**kept) {
+            let others = states.iter().zip(&self.patch.sites).zip(kept).take(count);
+            let others = others.filter(|(_, kept)| **kept).map(|(other, _)| other);
+            let distance = |other: &Site| (other.place - site.place).norm_squared();
+            let nearest = others.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+            if let Some((nearest, _)) = nearest {
+                state.viscous = nearest.viscous;
+                state.stretch -= nearest.viscous;
+                state.offset = nearest.offset;
+            }
+            *place = site.place + state.stretch + state.offset;
+        }
+    }
+
+    /// How the viscous stretch of the patch relaxes. The transient stiffness `K (1 + gain)` is at most that of the device's stiffest
+    /// spring, and the damping is at most that which the device can render.
+    fn relaxation(&self) -> Relaxation {
+        let (head, config) = (&self.patch.head, &self.config);
+        let most = config.stiffest / head.stiffness - 1.0;
+        let damping = head.damping.min(config.most_damping / head.stiffness);
+        if most <= 0.0 || damping <= 0.0 {
+            return Relaxation {
+                left: 0.0,
+                gain: 0.0,
+            };
+        }
+        let time = RELAXES.max(damping / most - config.period);
+        Relaxation {
+            left: time / (time + config.period),
+            gain: damping / (time + config.period),
+        }
+    }
+
+    /// The sites without contact forces (m).
+    fn free(&self) -> [Vec3; MAX_SITES] {
+        let Relaxation { left, gain } = self.relaxation;
+        let mut free = [Vec3::zeros(); MAX_SITES];
+        let count = usize::from(self.patch.head.site_count);
+        let each = self.sites.iter().zip(&self.patch.sites);
+        for (free, (state, site)) in free.iter_mut().zip(each).take(count) {
+            let stretch = state.bias - state.viscous * left + state.stretch * gain;
+            *free = site.place + state.offset * self.fade + stretch / (1.0 + gain);
+        }
+        free
+    }
+
+    /// The sites under contact forces (m).
+    fn loaded(
+        &self,
+        free: &[Vec3; MAX_SITES],
+        forces: &[Vec3; MAX_SITES],
+        fraction: f64,
+    ) -> [Vec3; MAX_SITES] {
+        let mut places = *free;
+        let count = usize::from(self.patch.head.site_count);
+        for (place, row) in places.iter_mut().zip(&self.patch.compliance).take(count) {
+            for (block, force) in row.iter().zip(forces).take(count) {
+                if *force != Vec3::zeros() {
+                    *place += block * (force * fraction);
+                }
+            }
+        }
+        places
+    }
+
+    /// The largest displacement of a site if the forces of the last tick stayed (m).
+    fn most_motion(&self, free: &[Vec3; MAX_SITES]) -> f64 {
+        let fraction = 1.0 / (1.0 + self.relaxation.gain);
+        let held = self.loaded(free, &loads(&self.contacts), fraction);
+        let count = usize::from(self.patch.head.site_count);
+        let each = held.iter().zip(&self.places).take(count);
+        each.map(|(place, before)| (place - before).norm())
+            .fold(0.0, f64::max)
+    }
+
+    /// Ends a tick: the displacement and the viscous stretch of each site.
+    fn relax(&mut self, places: &[Vec3; MAX_SITES]) {
+        let Relaxation { left, gain } = self.relaxation;
+        let count = usize::from(self.patch.head.site_count);
+        let each = self.sites.iter_mut().zip(&self.patch.sites).zip(places);
+        for ((state, site), place) in each.take(count) {
+            let stretch = place - site.place - state.offset * self.fade;
+            state.viscous = state.viscous * left + (stretch - state.stretch) * gain;
+            state.stretch = stretch;
+        }
+    }
+}

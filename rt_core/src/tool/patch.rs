@@ -1,0 +1,234 @@
+//! The message of the host for one tool: the surface that lies near it, and how the surface yields.
+//!
+//! Sites are material points of the surface. A point keeps its place in the list while it stays near the tool. The compliance
+//! is that of the elastic forces alone; damping is one time (`tools.md` of the designs has the figures that speak for both).
+
+use super::{MAX_SITES, MAX_TRIANGLES};
+use crate::geometry::{Mat3, Vec3};
+use crate::publication::{Extent, Head, Packed, Publication};
+
+/// A material point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// Number of the vertex. Another number at the same place in the list is another point.
+    pub vertex: u32,
+    /// Position (m, world).
+    pub place: Vec3,
+    /// Velocity over the last step of the host (m/s).
+    pub velocity: Vec3,
+    /// Force of the tool on the body at this point (N), in the host's step.
+    pub force: Vec3,
+}
+
+impl Site {
+    /// A point at the origin, at rest and without force.
+    pub fn zero() -> Self {
+        Self {
+            vertex: 0,
+            place: Vec3::zeros(),
+            velocity: Vec3::zeros(),
+            force: Vec3::zeros(),
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let each = [&self.place, &self.velocity, &self.force];
+        each.iter().all(|v| v.iter().all(|x| x.is_finite()))
+    }
+}
+
+/// A triangle between sites. Its normal, by the order of its corners, is on the side of the tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Triangle {
+    /// Its corners, as places in the list of sites.
+    pub corners: [u8; 3],
+    /// Coefficient of friction.
+    pub friction: f64,
+}
+
+/// The numbers of a patch that do not belong to a site.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchHead {
+    /// Number of the patch among those of this tool, from one.
+    pub sequence: u64,
+    /// Number of changes of the topology. In another topology all sites are other points.
+    pub epoch: u32,
+    /// Time of the state (ns, the tick's clock): the end of the host's step.
+    pub time_ns: u64,
+    /// The publication period (s).
+    pub period: f64,
+    /// The ratio of damping to stiffness (s), as one Rayleigh time.
+    pub damping: f64,
+    /// The stiffness of the surface against the resultant of the contact (N/m), in its direction; infinite for an obstacle.
+    pub stiffness: f64,
+    /// The compliance (m/N) that the device adds where the surface is stiffer than the device can render: `1/K_t - 1/K`, if
+    /// positive, by direction.
+    pub floor: Mat3,
+    /// Number of sites, as the patch claims.
+    pub site_count: u8,
+    /// Number of triangles, as the patch claims.
+    pub triangle_count: u8,
+    /// The triangles, the first `triangle_count` in use.
+    pub triangles: [Triangle; MAX_TRIANGLES],
+}
+
+impl PatchHead {
+    /// The head of a patch without sites.
+    pub fn empty() -> Self {
+        Self {
+            sequence: 0,
+            epoch: 0,
+            time_ns: 0,
+            period: 1.0,
+            damping: 0.0,
+            stiffness: f64::INFINITY,
+            floor: Mat3::zeros(),
+            site_count: 0,
+            triangle_count: 0,
+            triangles: [Triangle::default(); MAX_TRIANGLES],
+        }
+    }
+
+    /// The triangles in use.
+    pub fn triangles(&self) -> impl Iterator<Item = &Triangle> {
+        self.triangles.iter().take(usize::from(self.triangle_count))
+    }
+}
+
+/// The blocks of compliance between sites, by row, then by column (m/N).
+pub type Compliance = [[Mat3; MAX_SITES]; MAX_SITES];
+
+/// The surface near a tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Patch {
+    /// The numbers of the whole patch.
+    pub head: PatchHead,
+    /// The sites, the first `site_count` in use.
+    pub sites: [Site; MAX_SITES],
+    /// The elastic displacement of each site by a force at each other (m/N); zero for an obstacle.
+    pub compliance: Compliance,
+}
+
+/// The reason why a patch cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PatchFault {
+    /// A number is not finite, or one that must be positive is not.
+    NotFinite,
+    /// More sites or triangles than a patch can have, or a corner that is no site.
+    Sites,
+    /// The patch is not newer than the one in use, or its topology is older.
+    Outdated,
+}
+
+impl Head for PatchHead {
+    const NAME: &'static str = "patch";
+    type Row = Site;
+    type Block = Mat3;
+
+    fn filler() -> (Self, Site, Mat3) {
+        (Self::empty(), Site::zero(), Mat3::zeros())
+    }
+
+    fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    fn extent(&self) -> Extent {
+        let rows = usize::from(self.site_count).min(MAX_SITES);
+        Extent {
+            rows,
+            blocks: rows.saturating_mul(rows),
+        }
+    }
+}
+
+/// A patch as it lies in a ring.
+pub type PackedPatch<'a> = Packed<'a, PatchHead>;
+
+impl Publication for Patch {
+    type Head = PatchHead;
+
+    fn head(&self) -> &PatchHead {
+        &self.head
+    }
+
+    fn rows(&self) -> &[Site] {
+        let sites = usize::from(self.head.site_count);
+        self.sites.get(..sites).unwrap_or(&self.sites)
+    }
+
+    fn blocks(&self) -> impl Iterator<Item = &[Mat3]> {
+        let sites = usize::from(self.head.site_count);
+        let rows = self.compliance.iter().take(sites);
+        rows.map(move |row| row.get(..sites).unwrap_or(row))
+    }
+}
+
+impl Patch {
+    /// A patch without sites.
+    #[expect(
+        clippy::large_stack_arrays,
+        reason = "this crate has no heap; patches are made before the first tick"
+    )]
+    pub fn empty() -> Self {
+        Self {
+            head: PatchHead::empty(),
+            sites: [Site::zero(); MAX_SITES],
+            compliance: [[Mat3::zeros(); MAX_SITES]; MAX_SITES],
+        }
+    }
+
+    /// Copies the used part of another patch.
+    pub fn copy_used_from(&mut self, other: &impl Publication<Head = PatchHead>) {
+        self.head = *other.head();
+        for (mine, theirs) in self.sites.iter_mut().zip(other.rows()) {
+            *mine = *theirs;
+        }
+        let sites = usize::from(self.head.site_count).min(MAX_SITES);
+        let mut theirs = other.blocks().flatten();
+        for row in self.compliance.iter_mut().take(sites) {
+            for mine in row.iter_mut().take(sites) {
+                if let Some(theirs) = theirs.next() {
+                    *mine = *theirs;
+                }
+            }
+        }
+    }
+}
+
+/// Checks the numbers of a patch that are in use.
+///
+/// # Errors
+/// The first [`PatchFault`] found.
+pub(super) fn check(patch: &impl Publication<Head = PatchHead>) -> Result<(), PatchFault> {
+    let head = patch.head();
+    let (sites, triangles) = (
+        usize::from(head.site_count),
+        usize::from(head.triangle_count),
+    );
+    let mut corners = head.triangles().flat_map(|triangle| triangle.corners);
+    if sites > MAX_SITES
+        || triangles > MAX_TRIANGLES
+        || corners.any(|corner| corner >= head.site_count)
+    {
+        return Err(PatchFault::Sites);
+    }
+    let frictions = head.triangles().map(|triangle| triangle.friction);
+    let mut numbers = frictions.chain([head.damping]);
+    let is_sound = head.period.is_finite()
+        && head.period > 0.0
+        && head.stiffness > 0.0
+        && numbers.all(|number| number.is_finite() && number >= 0.0)
+        && is_finite(&head.floor)
+        && patch.rows().iter().all(Site::is_finite)
+        && patch.blocks().flatten().all(is_finite);
+    if is_sound {
+        Ok(())
+    } else {
+        Err(PatchFault::NotFinite)
+    }
+}
+
+fn is_finite(block: &Mat3) -> bool {
+    block.iter().all(|x| x.is_finite())
+}

@@ -1,0 +1,459 @@
+//! The law of a tool against analytic results: grooves, edges, the floor, friction, and messages that change nothing.
+
+use super::*;
+use crate::geometry::Mat3;
+use alloc::vec::Vec;
+use proptest::prelude::*;
+
+const PERIOD: f64 = 1e-3;
+const STIFFEST: f64 = 3000.0;
+
+fn ball(radius: f64) -> Tool {
+    Tool::new(ToolConfig {
+        radius,
+        period: PERIOD,
+        stiffest: STIFFEST,
+        most_damping: f64::INFINITY,
+        parting: 0.02,
+    })
+}
+
+/// An obstacle of these triangles, for a device of 3 kN/m.
+fn obstacle(triangles: &[[[f64; 3]; 3]], friction: f64) -> Patch {
+    let mut patch = Patch::empty();
+    patch.head.sequence = 1;
+    patch.head.floor.fill_diagonal(1.0 / STIFFEST);
+    let mut places: Vec<Vec3> = Vec::new();
+    for (into, triangle) in patch.head.triangles.iter_mut().zip(triangles) {
+        into.friction = friction;
+        into.corners = triangle.map(|corner| {
+            let corner = Vec3::from(corner);
+            let known = places.iter().position(|place| *place == corner);
+            known.unwrap_or_else(|| {
+                places.push(corner);
+                places.len() - 1
+            }) as u8
+        });
+    }
+    patch.head.triangle_count = triangles.len() as u8;
+    patch.head.site_count = places.len() as u8;
+    for ((site, place), vertex) in patch.sites.iter_mut().zip(places).zip(0..) {
+        (site.place, site.vertex) = (place, vertex);
+    }
+    patch
+}
+
+/// Two half planes along y that meet at the origin, at this slope (rad) on both sides: a groove if positive.
+fn ridge(slope: f64) -> [[[f64; 3]; 3]; 4] {
+    let (x, z) = (0.1 * slope.cos(), 0.1 * slope.sin());
+    let (near, far) = (-0.1, 0.1);
+    let edge = |y| [0.0, y, 0.0];
+    [
+        [edge(near), [x, near, z], edge(far)],
+        [edge(far), [x, near, z], [x, far, z]],
+        [edge(near), edge(far), [-x, near, z]],
+        [[-x, near, z], edge(far), [-x, far, z]],
+    ]
+}
+
+/// Sixteen sites of a plane, and how they yield: the kernel of a half-space, smoothed over `width` (m), with this compliance (m/N)
+/// of a site alone.
+fn pad(spacing: f64, compliance: f64, width: f64, friction: f64) -> Patch {
+    let mut patch = Patch::empty();
+    patch.head.sequence = 1;
+    (patch.head.site_count, patch.head.triangle_count) = (16, 18);
+    patch.head.stiffness = 1.0 / compliance;
+    let at = |i: u8, j: u8| 4 * i + j;
+    let cells = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+    let corners = cells.flat_map(|(i, j)| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    for (triangle, corners) in patch.head.triangles.iter_mut().zip(corners) {
+        *triangle = Triangle { corners, friction };
+    }
+    for (site, number) in patch.sites.iter_mut().zip(0_u8..) {
+        let [i, j] = [number / 4, number % 4].map(|k| spacing * (f64::from(k) - 1.5));
+        (site.vertex, site.place) = (number.into(), Vec3::new(i, j, 0.0));
+    }
+    for (row, one) in patch.compliance.iter_mut().zip(&patch.sites) {
+        for (block, other) in row.iter_mut().zip(&patch.sites) {
+            let distance = (one.place - other.place).norm();
+            let kernel = width / (distance * distance + width * width).sqrt();
+            *block = Mat3::identity() * (compliance * kernel);
+        }
+    }
+    patch
+}
+
+/// The patch of a host in whose step these `forces` act: the body has yielded to them.
+fn after(patch: &Patch, forces: &[Vec3; MAX_SITES], number: u64) -> Patch {
+    let mut new = patch.clone();
+    new.head.sequence = number;
+    for (site, row) in new.sites.iter_mut().zip(&patch.compliance) {
+        site.place += row
+            .iter()
+            .zip(forces)
+            .map(|(block, force)| block * force)
+            .sum::<Vec3>();
+    }
+    for (site, force) in new.sites.iter_mut().zip(forces) {
+        site.force = *force;
+    }
+    new
+}
+
+#[test]
+fn a_groove_is_never_entered() {
+    for (opening, friction) in [60.0_f64, 90.0, 120.0, 150.0]
+        .into_iter()
+        .flat_map(|angle| [(angle, 0.0), (angle, 0.5)])
+    {
+        let slope = (0.5 * (180.0 - opening)).to_radians();
+        let (radius, planes) = (
+            5e-3,
+            [-1.0, 1.0].map(|side| Vec3::new(side * slope.sin(), 0.0, slope.cos())),
+        );
+        let mut tool = ball(radius);
+        tool.accept(&obstacle(&ridge(slope), friction)).unwrap();
+        let rest = radius / slope.cos();
+        for tick in 0..400 {
+            // Down by 3 mm at 0.1 m/s, then along the groove and across it.
+            let time = f64::from(tick) * PERIOD;
+            let down = (0.1 * time).min(4e-3);
+            let along = 0.1 * (time - 0.04).max(0.0);
+            let across = 2e-3 * (60.0 * time).sin();
+            let force = tool.tick(&Vec3::new(across, along, rest + 1e-3 - down));
+            for normal in planes {
+                let depth = radius - normal.dot(&tool.proxy());
+                assert!(depth < 1e-6, "{opening} {friction} {tick}: {depth:e}");
+            }
+            assert!(tick < 50 || force.z > 0.0);
+        }
+    }
+}
+
+#[test]
+fn the_force_turns_over_an_edge_by_two_degrees_a_tick() {
+    // An edge of 90 degrees, over which a ball of 4 mm is led at 0.1 m/s, half a millimetre deep.
+    let slope = -45.0_f64.to_radians();
+    let mut tool = ball(4e-3);
+    tool.accept(&obstacle(&ridge(slope), 0.0)).unwrap();
+    let (mut last, mut most, mut turned) = (None::<Vec3>, 0.0_f64, 0.0);
+    let distance = 3.5e-3;
+    for tick in 0..250 {
+        let way = 0.1 * PERIOD * f64::from(tick - 125);
+        // Along the flank, around the edge and down on the other side.
+        let arc = distance * slope.abs();
+        let hand = if way.abs() < arc {
+            let angle = way / distance;
+            Vec3::new(angle.sin(), 0.0, angle.cos()) * distance
+        } else {
+            let normal = Vec3::new(way.signum() * slope.abs().sin(), 0.0, slope.cos());
+            let down = Vec3::new(way.signum() * slope.cos(), 0.0, slope.sin());
+            normal * distance + down * (way.abs() - arc)
+        };
+        let force = tool.tick(&hand);
+        if let Some(last) = last {
+            let angle = force.angle(&last).to_degrees();
+            (most, turned) = (most.max(angle), turned + angle);
+        }
+        last = Some(force);
+    }
+    assert!((turned - 90.0).abs() < 0.5, "{turned}");
+    assert!(most < 2.0, "{most}");
+}
+
+#[test]
+fn the_felt_stiffness_is_the_lesser_one_of_body_and_device() {
+    for stiffness in [300.0, 1500.0, 2900.0, 6000.0, f64::INFINITY] {
+        let mut patch = pad(5e-3, 1.0 / stiffness, 4e-3, 0.3);
+        // A ball over the centre of the pad, so large that it touches one site.
+        for site in &mut patch.sites {
+            site.place.z = -5.0 * (site.place - Vec3::new(2.5e-3, 2.5e-3, 0.0)).norm_squared();
+        }
+        let more = (1.0 / STIFFEST - 1.0 / stiffness).max(0.0);
+        patch.head.floor.fill_diagonal(more);
+        let mut tool = ball(0.05);
+        tool.accept(&patch).unwrap();
+        let depth = 0.2e-3;
+        let mut force = Vec3::zeros();
+        for tick in 0..100 {
+            let z = 0.05 + 1e-3 - 0.1e-3 * f64::from(tick.min(12));
+            force = tool.tick(&Vec3::new(2.5e-3, 2.5e-3, z));
+        }
+        let felt = force.z / depth;
+        let expected = stiffness.min(STIFFEST);
+        assert!((felt / expected - 1.0).abs() < 1e-6, "{felt} {expected}");
+    }
+}
+
+#[test]
+fn a_message_that_tells_nothing_new_changes_nothing() {
+    // The host has solved the same contact of a linear body, 4 ms before, and publishes at 60 Hz.
+    for friction in [0.0, 0.4] {
+        let patch = pad(4e-3, 1.0 / 800.0, 3e-3, friction);
+        let (mut truth, mut tool) = (ball(8e-3), ball(8e-3));
+        truth.accept(&patch).unwrap();
+        tool.accept(&patch).unwrap();
+        let mut sent = Vec::new();
+        let (mut worst, mut peak) = (0.0_f64, 0.0_f64);
+        for tick in 0..600_u32 {
+            let time = f64::from(tick) * PERIOD;
+            let turn = 2.0 * core::f64::consts::PI * time;
+            let hand = Vec3::new(
+                2e-3 * turn.sin(),
+                1e-3 * (2.0 * turn).sin(),
+                8e-3 - 4e-3 * (0.5 * turn).sin().abs(),
+            );
+            let exact = truth.tick(&hand);
+            sent.push(loads(truth.contacts()));
+            if tick % 16 == 0 && tick > 4 {
+                let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
+                new.head.period = 0.016;
+                tool.accept(&new).unwrap();
+            }
+            let force = tool.tick(&hand);
+            worst = worst.max((force - exact).norm());
+            peak = peak.max(exact.norm());
+        }
+        // What linearizations leave that start elsewhere.
+        let most = 2e-3;
+        assert!(
+            peak > 1.0 && worst < most * peak,
+            "{friction}: {worst:e} {peak}"
+        );
+    }
+}
+
+#[test]
+fn friction_holds_up_to_the_cone_and_no_further() {
+    for stiffness in [1000.0, f64::INFINITY] {
+        let mut patch = pad(5e-3, 1.0 / stiffness, 4e-3, 0.4);
+        patch
+            .head
+            .floor
+            .fill_diagonal((1.0 / STIFFEST - 1.0 / stiffness).max(0.0));
+        let mut tool = ball(5e-3);
+        tool.accept(&patch).unwrap();
+        let mut last = 0.0;
+        for tick in 0..300 {
+            let (down, along) = (
+                (f64::from(tick) * 0.05e-3).min(1e-3),
+                f64::from((tick - 50).max(0)) * 2e-5,
+            );
+            let force = tool.tick(&Vec3::new(along, 0.3e-3, 5e-3 - down));
+            let across = force.xy().norm();
+            let [pressure, friction] = tool
+                .contacts()
+                .iter()
+                .fold([0.0; 2], |[sum, most], contact| {
+                    [sum + contact.pressure, most + contact.friction.norm()]
+                });
+            assert!(
+                friction <= 0.4 * pressure * 1.001,
+                "{stiffness} {tick}: {friction} {pressure}"
+            );
+            // It grows while the ball sticks.
+            assert!(
+                !(60..65).contains(&tick) || across > last,
+                "{stiffness} {tick}"
+            );
+            last = across;
+            if tick > 250 {
+                assert!(
+                    friction > 0.4 * pressure * 0.99,
+                    "{stiffness} {tick}: {friction} {pressure}"
+                );
+            }
+            if tick > 250 && stiffness == f64::INFINITY {
+                assert!(
+                    (across / (0.4 * force.z) - 1.0).abs() < 5e-3,
+                    "{tick}: {across}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hold_with_tremor_does_not_creep() {
+    for stiffness in [1000.0, f64::INFINITY] {
+        let mut patch = pad(5e-3, 1.0 / stiffness, 4e-3, 0.6);
+        patch
+            .head
+            .floor
+            .fill_diagonal((1.0 / STIFFEST - 1.0 / stiffness).max(0.0));
+        let mut tool = ball(5e-3);
+        tool.accept(&patch).unwrap();
+        let mut first = None::<Vec3>;
+        for tick in 0..60_000 {
+            let time = f64::from(tick) * PERIOD;
+            let fade = (time / 0.5).min(1.0);
+            let tremor = |rate: f64| 50e-6 * (2.0 * core::f64::consts::PI * rate * time).sin();
+            let press = Vec3::new(0.2e-3, 0.1e-3, 5e-3 - 1e-3);
+            tool.tick(&(press + Vec3::new(tremor(9.0), tremor(8.3), tremor(10.1)) * fade));
+            if tick == 1000 {
+                first = Some(tool.proxy() - Vec3::z() * tool.proxy().z);
+            }
+        }
+        // Back to the middle of the tremor, from which it started.
+        let hand = Vec3::new(0.2e-3, 0.1e-3, 4e-3);
+        for _ in 0..100 {
+            tool.tick(&hand);
+        }
+        let crept = (tool.proxy() - first.unwrap()).xy().norm();
+        assert!(crept < 50e-6, "{stiffness}: {crept:e}");
+    }
+}
+
+#[test]
+fn the_dampers_of_the_surface_give_their_impulse() {
+    // A step of the hand by `d`: the force decays to `K d`, and the impulse beyond that is `b K d`, however the stretch relaxes.
+    for (stiffness, damping) in [
+        (300.0, 5e-3),
+        (1500.0, 2e-3),
+        (1500.0, 20e-3),
+        (2900.0, 5e-3),
+    ] {
+        let mut patch = pad(5e-3, 1.0 / stiffness, 4e-3, 0.0);
+        for site in &mut patch.sites {
+            site.place.z = -5.0 * (site.place - Vec3::new(2.5e-3, 2.5e-3, 0.0)).norm_squared();
+        }
+        patch.head.damping = damping;
+        let mut tool = ball(0.05);
+        tool.accept(&patch).unwrap();
+        let above = Vec3::new(2.5e-3, 2.5e-3, 0.05);
+        tool.tick(&above);
+        let (depth, mut impulse, mut last) = (0.1e-3, 0.0, 0.0);
+        for tick in 0..20_000 {
+            last = tool.tick(&(above - Vec3::z() * depth)).z;
+            assert!(
+                tick > 0 || last <= STIFFEST * depth * (1.0 + 1e-9),
+                "{stiffness} {damping}: {last}"
+            );
+            impulse += (last - stiffness * depth) * PERIOD;
+        }
+        assert!(
+            (last / (stiffness * depth) - 1.0).abs() < 1e-9,
+            "{stiffness} {damping}: {last}"
+        );
+        let expected = damping * stiffness * depth;
+        assert!(
+            (impulse / expected - 1.0).abs() < 1e-6,
+            "{stiffness} {damping}: {impulse} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_surface_that_comes_to_the_tool_parts_from_it_at_a_bounded_speed() {
+    let mut tool = ball(5e-3);
+    let hand = Vec3::z() * 3e-3;
+    tool.tick(&hand);
+    tool.accept(&obstacle(&ridge(0.0), 0.0)).unwrap();
+    let mut last = 0.0;
+    for tick in 0..200 {
+        let force = tool.tick(&hand).z;
+        // 0.02 m/s on 3 kN/m.
+        assert!(force - last < 0.0601, "{tick}: {force} {last}");
+        last = force;
+    }
+    assert!((last - STIFFEST * 2e-3).abs() < 1e-9, "{last}");
+}
+
+proptest! {
+    #[test]
+    fn no_patch_makes_a_force_that_is_no_number(
+        numbers in proptest::collection::vec(-1.0..1.0_f64, 16 * 9),
+        corners in proptest::collection::vec(proptest::array::uniform3(0_u8..16), MAX_TRIANGLES),
+        path in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0_f64), 20),
+        friction in 0.0..2.0_f64,
+        soft in prop_oneof![Just(0.0), Just(1e-3)],
+    ) {
+        let mut patch = pad(4e-3, soft, 3e-3, friction);
+        patch.head.stiffness = 1000.0;
+        patch.head.damping = 5e-3;
+        patch.head.floor.fill_diagonal(1.0 / STIFFEST);
+        patch.head.triangle_count = MAX_TRIANGLES as u8;
+        for (triangle, corners) in patch.head.triangles.iter_mut().zip(corners) {
+            *triangle = Triangle { corners, friction };
+        }
+        for (site, n) in patch.sites.iter_mut().zip(numbers.chunks(9)) {
+            site.place = Vec3::new(n[0], n[1], n[2]) * 0.01;
+            site.velocity = Vec3::new(n[3], n[4], n[5]);
+            site.force = Vec3::new(n[6], n[7], n[8]);
+        }
+        let mut tool = ball(5e-3);
+        for (tick, hand) in path.iter().enumerate() {
+            patch.head.sequence += 1;
+            if tick % 7 == 0 {
+                patch.sites[tick % 16].vertex += 100;
+                tool.accept(&patch).unwrap();
+            }
+            let force = tool.tick(&(Vec3::from(*hand) * 0.01));
+            prop_assert!(force.iter().all(|x| x.is_finite()), "{force}");
+            for contact in tool.contacts() {
+                prop_assert!(contact.pressure >= 0.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_patch_that_cannot_be_used_is_refused() {
+    let good = pad(4e-3, 1e-3, 3e-3, 0.1);
+    let mut tool = ball(5e-3);
+    let mut bad = good.clone();
+    bad.sites[3].place.x = f64::NAN;
+    assert_eq!(tool.accept(&bad), Err(PatchFault::NotFinite));
+    bad = good.clone();
+    bad.compliance[1][2][(0, 1)] = f64::INFINITY;
+    assert_eq!(tool.accept(&bad), Err(PatchFault::NotFinite));
+    bad = good.clone();
+    bad.head.triangles[0].friction = -0.1;
+    assert_eq!(tool.accept(&bad), Err(PatchFault::NotFinite));
+    bad = good.clone();
+    bad.head.triangles[4].corners[1] = 16;
+    assert_eq!(tool.accept(&bad), Err(PatchFault::Sites));
+    bad = good.clone();
+    bad.head.site_count = 17;
+    assert_eq!(tool.accept(&bad), Err(PatchFault::Sites));
+    assert_eq!(tool.accept(&good), Ok(()));
+    assert_eq!(tool.accept(&good), Err(PatchFault::Outdated));
+    assert_eq!(tool.refused(), 6);
+}
+
+#[test]
+fn a_deep_hold_stands_still() {
+    // A ball pressed in by its radius into a pad: where the nearest points alone are contacts, the force changes by half a newton
+    // in each tick of the hold.
+    for (spacing, width) in [(4e-3, 3e-3), (4e-3, 6e-3), (2.5e-3, 3e-3)] {
+        for (place, friction) in [
+            ([0.0, 0.0], 0.0),
+            ([0.7e-3, 0.3e-3], 0.0),
+            ([0.7e-3, 0.3e-3], 0.4),
+        ] {
+            let mut tool = ball(8e-3);
+            tool.accept(&pad(spacing, 1.0 / 800.0, width, friction))
+                .unwrap();
+            let (mut last, mut before) = (Vec3::zeros(), Vec3::zeros());
+            for tick in 0..200 {
+                let down = f64::from(tick.min(80)) * 0.1e-3;
+                let force = tool.tick(&Vec3::new(place[0], place[1], 8e-3 - down));
+                let bend = (force - last * 2.0 + before).norm();
+                assert!(
+                    !(2..80).contains(&tick) || bend < 0.03,
+                    "{spacing} {width} {friction} {tick}: {bend}"
+                );
+                assert!(
+                    tick < 120 || (force - last).norm() < 1e-3,
+                    "{spacing} {width} {friction} {tick}: {:e}",
+                    (force - last).norm()
+                );
+                (last, before) = (force, last);
+            }
+            assert!(last.z > 5.0 && tool.has_room());
+        }
+    }
+}
