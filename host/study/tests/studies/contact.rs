@@ -33,6 +33,13 @@ fn hands_feel_contact() {
         // The hold is the aim. The largest error, 20 %, is that of a contact of which a host of 60 Hz learns a step late. A host that
         // steps 60 times a second stops the handle at another place on the sphere.
         let hold = if cell.step_rate == 60.0 { 0.06 } else { 0.01 };
-        assert!(cell.hold < hold && cell.worst < 0.25, "{cell:?}");
+        // Of the hosts that make the steps of the reference, two still miss the aim: along a floor and on a sphere.
+        let misses = ["along a floor", "on a sphere"].contains(&cell.pressed);
+        let worst = if cell.step_rate == 1000.0 && !misses {
+            0.05
+        } else {
+            0.25
+        };
+        assert!(cell.hold < hold && cell.worst < worst, "{cell:?}");
     }
 }
