@@ -29,6 +29,10 @@ fn hands_feel_contact() {
     let found = run(Level::Quick, Some(Section::Hand), 1, &mut |_| {}).unwrap();
     println!("{}", found.tables());
     assert!(!found.hands.is_empty() && found.hands.iter().all(|cell| cell.faults == 0));
+    let floor = found.hands.iter();
+    for cell in floor.filter(|cell| cell.pressed == "on a floor") {
+        assert!(cell.hold < 0.01 && cell.worst < 0.2, "{cell:?}");
+    }
     for cell in found.hands.iter().filter(|cell| cell.rows == "all") {
         // The hold is the aim. The largest error, 20 %, is that of a contact of which a host of 60 Hz learns a step late. A host that
         // steps 60 times a second stops the handle at another place on the sphere.
