@@ -110,3 +110,27 @@ impl<H: Head> Publication for Packed<'_, H> {
         core::iter::once(self.blocks)
     }
 }
+
+/// Copies rows of blocks to the beginnings of rows that have room for more.
+pub(crate) fn copy_rows<'a, T: Copy + 'a, const N: usize>(
+    mine: &mut [[T; N]],
+    theirs: impl Iterator<Item = &'a [T]>,
+) {
+    // Not `zip`, which divides by the length of a chunk and would panic for zero.
+    let mut mine = mine.iter_mut();
+    for theirs in theirs {
+        if let Some(mine) = mine.next() {
+            copy_row(mine, theirs);
+        }
+    }
+}
+
+/// Copies the first blocks of a row, all in one copy of memory.
+#[allow(clippy::disallowed_methods)]
+fn copy_row<T: Copy>(mine: &mut [T], theirs: &[T]) {
+    if let Some(mine) = mine.get_mut(..theirs.len()) {
+        // The copy panics only for slices of different lengths. These slices have the same length by construction, so
+        // the compiler removes the panic; `tests/tests/no_panic.rs` proves that.
+        mine.copy_from_slice(theirs);
+    }
+}

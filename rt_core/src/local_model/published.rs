@@ -1,11 +1,9 @@
 //! A local model as a publication ([`crate::publication`]): a head, a row for each handle, and the blocks between the
 //! handles. A model with one handle uses a fiftieth of the memory of a [`LocalModel`].
 
-use super::{
-    HandleReference, LocalModel, ModelFault, PairBlocks, PieceEnergy, TearLimit, are_finite, pieces,
-};
+use super::{HandleReference, LocalModel, ModelFault, PieceEnergy, TearLimit, are_finite, pieces};
 use crate::geometry::Mat6;
-use crate::publication::{Extent, Head, Packed, Publication};
+use crate::publication::{Extent, Head, Packed, Publication, copy_rows};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
 /// The numbers of a model that do not belong to a handle.
@@ -182,25 +180,5 @@ impl LocalModel {
         let [stiffness, damping] = other.block_rows();
         copy_rows(&mut self.stiffness, stiffness);
         copy_rows(&mut self.damping, damping);
-    }
-}
-
-fn copy_rows<'a>(mine: &mut PairBlocks, theirs: impl Iterator<Item = &'a [Mat6]>) {
-    // Not `zip`, which divides by the length of a chunk and would panic for zero.
-    let mut mine = mine.iter_mut();
-    for theirs in theirs {
-        if let Some(mine) = mine.next() {
-            copy_row(mine, theirs);
-        }
-    }
-}
-
-/// Copies the first blocks of a row, all in one copy of memory.
-#[allow(clippy::disallowed_methods)]
-fn copy_row(mine: &mut [Mat6], theirs: &[Mat6]) {
-    if let Some(mine) = mine.get_mut(..theirs.len()) {
-        // The copy panics only for slices of different lengths. These slices have the same length by construction, so
-        // the compiler removes the panic; `tests/tests/no_panic.rs` proves that.
-        mine.copy_from_slice(theirs);
     }
 }

@@ -45,7 +45,7 @@ pub struct Contact {
     /// From the surface to the centre of the sphere.
     pub normal: Vec3,
     /// The normal force (N).
-    pub pressure: f64,
+    pub normal_force: f64,
     /// The force of friction on the tool (N).
     pub friction: Vec3,
     /// Coefficient of friction.
@@ -62,7 +62,7 @@ pub struct Contact {
 impl Contact {
     /// The force on the tool (N).
     pub fn force(&self) -> Vec3 {
-        self.normal * self.pressure + self.friction
+        self.normal * self.normal_force + self.friction
     }
 
     /// Takes direction and distance at these places. Returns whether there is a direction: below the triangle, it is that of the
@@ -147,7 +147,7 @@ pub(super) fn find<'a>(
     kept: &[Contact],
 ) -> Contacts {
     let mut found = Contacts::new();
-    for contact in kept.iter().filter(|contact| contact.pressure > 0.0) {
+    for contact in kept.iter().filter(|contact| contact.normal_force > 0.0) {
         let mut contact = *contact;
         if contact.look(&now) {
             contact.friction = contact.across(&contact.friction);
@@ -175,7 +175,7 @@ pub(super) fn find<'a>(
 
 /// Hands the friction of points that press no more to a point of the same triangle that does.
 fn hand_on(found: &mut Contacts, kept: &[Contact]) {
-    for old in kept.iter().filter(|old| old.pressure == 0.0) {
+    for old in kept.iter().filter(|old| old.normal_force == 0.0) {
         let heir = found.iter_mut().find(|new| new.corners == old.corners);
         if let Some(heir) = heir.filter(|_| old.friction != Vec3::zeros()) {
             heir.friction = heir.across(&old.friction);
@@ -192,7 +192,7 @@ fn touch(triangle: &Triangle, now: &Places<'_>) -> Option<Contact> {
         corners: triangle.corners,
         weights: weights(now.centre, [&a, &b, &c]),
         normal: Vec3::zeros(),
-        pressure: 0.0,
+        normal_force: 0.0,
         friction: Vec3::zeros(),
         coefficient: triangle.friction,
         residual: Vec3::zeros(),
@@ -218,11 +218,11 @@ fn insert(found: &mut Contacts, contact: Contact, sites: &[Vec3; MAX_SITES], rad
     if others.any(|other| (other.foot(sites) - foot).norm() < ONE * radius) {
         return;
     }
-    let mut idle = found.iter().filter(|other| other.pressure == 0.0);
+    let mut idle = found.iter().filter(|other| other.normal_force == 0.0);
     if idle.nth(MOST_IDLE - 1).is_none() && found.push(contact).is_ok() {
         return;
     }
-    let idle = found.iter_mut().filter(|other| other.pressure == 0.0);
+    let idle = found.iter_mut().filter(|other| other.normal_force == 0.0);
     let furthest = idle.max_by(|a, b| a.distance.total_cmp(&b.distance));
     if let Some(other) = furthest.filter(|other| other.distance > contact.distance) {
         *other = contact;
@@ -306,7 +306,7 @@ fn blocks(contacts: &Contacts, yielding: &Yielding<'_>) -> Blocks {
     blocks
 }
 
-/// Ends the friction of triangles without pressure. Returns whether there was any.
+/// Ends the friction of triangles without normal force. Returns whether there was any.
 fn let_go(contacts: &mut Contacts) -> bool {
     let most = most_friction(contacts);
     let mut was = false;
@@ -353,12 +353,12 @@ fn press(
     for (((blocks, free), contact), (gap, pressed)) in each.zip(gaps.iter_mut().zip(&mut pressed)) {
         let apart = free + response(blocks, contacts.iter().map(|contact| contact.friction));
         *gap = contact.normal.dot(&apart) - radius + contact.allowed;
-        *pressed = contact.pressure > 0.0;
+        *pressed = contact.normal_force > 0.0;
     }
     let mut normals = Normals::new(contacts.len(), along, gaps, pressed);
     let has_room = normals.solve();
     for (contact, force) in contacts.iter_mut().zip(normals.forces()) {
-        contact.pressure = force;
+        contact.normal_force = force;
     }
     has_room
 }
@@ -429,14 +429,14 @@ struct Slide {
     most: f64,
 }
 
-/// The largest friction of each contact (N): that of the first one on a triangle holds for all pressure on the triangle.
+/// The largest friction of each contact (N): that of the first one on a triangle holds for all normal forces on the triangle.
 fn most_friction(contacts: &[Contact]) -> [f64; MAX_CONTACTS] {
     let mut most = [0.0; MAX_CONTACTS];
     for ((most, one), at) in most.iter_mut().zip(contacts).zip(0..MAX_CONTACTS) {
         let same = |other: &&Contact| other.corners == one.corners;
         if !contacts.iter().take(at).any(|other| same(&other)) {
-            let pressures = contacts.iter().filter(same).map(|other| other.pressure);
-            *most = one.coefficient * pressures.fold(0.0, |sum, pressure| sum + pressure);
+            let forces = contacts.iter().filter(same).map(|other| other.normal_force);
+            *most = one.coefficient * forces.fold(0.0, |sum, force| sum + force);
         }
     }
     most

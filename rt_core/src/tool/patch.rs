@@ -5,7 +5,7 @@
 
 use super::{MAX_SITES, MAX_TRIANGLES};
 use crate::geometry::{Mat3, Vec3};
-use crate::publication::{Extent, Head, Packed, Publication};
+use crate::publication::{Extent, Head, Packed, Publication, copy_rows};
 
 /// A material point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -184,15 +184,10 @@ impl Patch {
         for (mine, theirs) in self.sites.iter_mut().zip(other.rows()) {
             *mine = *theirs;
         }
-        let sites = usize::from(self.head.site_count).min(MAX_SITES);
-        let mut theirs = other.blocks().flatten();
-        for row in self.compliance.iter_mut().take(sites) {
-            for mine in row.iter_mut().take(sites) {
-                if let Some(theirs) = theirs.next() {
-                    *mine = *theirs;
-                }
-            }
-        }
+        // A patch without sites has no blocks; a chunk must not be empty.
+        let sites = usize::from(self.head.site_count).max(1);
+        let rows = other.blocks().flat_map(|blocks| blocks.chunks_exact(sites));
+        copy_rows(&mut self.compliance, rows);
     }
 }
 

@@ -244,15 +244,15 @@ fn friction_holds_up_to_the_cone_and_no_further() {
             );
             let force = tool.tick(&Vec3::new(along, 0.3e-3, 5e-3 - down));
             let across = force.xy().norm();
-            let [pressure, friction] = tool
+            let [normal, friction] = tool
                 .contacts()
                 .iter()
                 .fold([0.0; 2], |[sum, most], contact| {
-                    [sum + contact.pressure, most + contact.friction.norm()]
+                    [sum + contact.normal_force, most + contact.friction.norm()]
                 });
             assert!(
-                friction <= 0.4 * pressure * 1.001,
-                "{stiffness} {tick}: {friction} {pressure}"
+                friction <= 0.4 * normal * 1.001,
+                "{stiffness} {tick}: {friction} {normal}"
             );
             // It grows while the ball sticks.
             assert!(
@@ -262,8 +262,8 @@ fn friction_holds_up_to_the_cone_and_no_further() {
             last = across;
             if tick > 250 {
                 assert!(
-                    friction > 0.4 * pressure * 0.99,
-                    "{stiffness} {tick}: {friction} {pressure}"
+                    friction > 0.4 * normal * 0.99,
+                    "{stiffness} {tick}: {friction} {normal}"
                 );
             }
             if tick > 250 && stiffness == f64::INFINITY {
@@ -394,7 +394,7 @@ proptest! {
             let force = tool.tick(&(Vec3::from(*hand) * 0.01));
             prop_assert!(force.iter().all(|x| x.is_finite()), "{force}");
             for contact in tool.contacts() {
-                prop_assert!(contact.pressure >= 0.0);
+                prop_assert!(contact.normal_force >= 0.0);
             }
         }
     }
