@@ -20,8 +20,8 @@ use crate::geometry::{Mat3, Vec3};
 const ROUNDS: usize = 2;
 /// Largest number of sweeps of friction in a round, the fraction of the largest friction below which a change ends them, and their
 /// over-relaxation. Where few triangles press, two to four sweeps suffice.
-const SWEEPS: usize = 16;
-const SETTLED: f64 = 1e-4;
+const SWEEPS: usize = 8;
+const SETTLED: f64 = 1e-3;
 const BEYOND: f64 = 1.3;
 /// Feet that are nearer to each other than this fraction of the radius are one contact: their distances differ by less than
 /// 5 millionths of the radius.
@@ -56,6 +56,8 @@ pub struct Contact {
     before: Vec3,
     /// The overlap that the contact may have at the end of this tick (m).
     allowed: f64,
+    /// The foot, at the places that were looked at last (m).
+    foot: Vec3,
     distance: f64,
 }
 
@@ -72,7 +74,8 @@ impl Contact {
             return false;
         };
         let outward = (b - a).cross(&(c - a));
-        let apart = now.centre - self.foot(now.sites);
+        self.foot = self.at(now.sites);
+        let apart = now.centre - self.foot;
         let length = apart.norm();
         let is_below = apart.dot(&outward) <= 0.0;
         self.distance = if is_below { -length } else { length };
@@ -89,7 +92,7 @@ impl Contact {
     }
 
     /// The point at its foot, of places of the sites.
-    fn foot(&self, places: &[Vec3; MAX_SITES]) -> Vec3 {
+    fn at(&self, places: &[Vec3; MAX_SITES]) -> Vec3 {
         let corners = self.corners.iter().zip(&self.weights);
         corners.fold(Vec3::zeros(), |sum, (corner, weight)| {
             let place = places.get(usize::from(*corner));
@@ -158,13 +161,13 @@ pub(super) fn find<'a>(
     hand_on(&mut found, kept);
     for triangle in triangles {
         if let Some(contact) = touch(triangle, &now)
-            && contact.distance <= lengths.radius + lengths.reach
+            && contact.distance.abs() <= lengths.radius + lengths.reach
         {
-            insert(&mut found, contact, now.sites, lengths.radius);
+            insert(&mut found, contact, lengths.radius);
         }
     }
     for contact in &mut found {
-        contact.before = before.centre - contact.foot(before.sites);
+        contact.before = before.centre - contact.at(before.sites);
         let length = contact.before.norm();
         let is_behind = contact.before.dot(&contact.normal) < 0.0;
         let overlap = lengths.radius - if is_behind { -length } else { length };
@@ -198,6 +201,7 @@ fn touch(triangle: &Triangle, now: &Places<'_>) -> Option<Contact> {
         residual: Vec3::zeros(),
         before: Vec3::zeros(),
         allowed: 0.0,
+        foot: Vec3::zeros(),
         distance: 0.0,
     };
     let is_inside = contact.weights.iter().all(|weight| *weight > BORDER);
@@ -212,10 +216,9 @@ fn place(corners: [u8; 3], sites: &[Vec3; MAX_SITES]) -> Option<[Vec3; 3]> {
 }
 
 /// Adds a contact, if it is not the same point as another, and if there is room or a contact without force that is further away.
-fn insert(found: &mut Contacts, contact: Contact, sites: &[Vec3; MAX_SITES], radius: f64) {
-    let foot = contact.foot(sites);
+fn insert(found: &mut Contacts, contact: Contact, radius: f64) {
     let mut others = found.iter();
-    if others.any(|other| (other.foot(sites) - foot).norm() < ONE * radius) {
+    if others.any(|other| (other.foot - contact.foot).norm() < ONE * radius) {
         return;
     }
     let mut idle = found.iter().filter(|other| other.normal_force == 0.0);
@@ -241,69 +244,142 @@ pub(super) struct Yielding<'a> {
     pub fraction: f64,
     /// Of the device's floor (m/N).
     pub floor: &'a Mat3,
+    /// Whether no site yields.
+    pub is_rigid: bool,
 }
 
 impl Yielding<'_> {
-    /// The relative displacement of two contacts, of the first one by a force at the second one (m/N).
+    /// `G` between two contacts: the relative displacement of the first one by a force at the second one (m/N).
     fn between(&self, one: &Contact, other: &Contact) -> Mat3 {
-        let mut sum = Mat3::zeros();
+        if self.is_rigid {
+            return *self.floor;
+        }
+        let mut sum = *self.floor;
         for (a, weight) in one.corners.iter().zip(&one.weights) {
-            let Some(row) = self.compliance.get(usize::from(*a)) else {
+            let row = self.compliance.get(usize::from(*a));
+            // Most feet lie on an edge or a corner.
+            let Some(row) = row.filter(|_| *weight != 0.0) else {
                 continue;
             };
             for (b, factor) in other.corners.iter().zip(&other.weights) {
-                if let Some(block) = row.get(usize::from(*b)) {
-                    sum += block * (weight * factor);
+                if *factor != 0.0
+                    && let Some(block) = row.get(usize::from(*b))
+                {
+                    let part = weight * factor * self.fraction;
+                    for (sum, entry) in sum.as_mut_slice().iter_mut().zip(block.as_slice()) {
+                        *sum += entry * part;
+                    }
                 }
             }
         }
-        sum * self.fraction + self.floor
+        sum
+    }
+
+    /// The centre of the tool seen from the foot of a contact, without contact forces (m).
+    fn apart(&self, contact: &Contact) -> Vec3 {
+        self.centre - contact.at(self.sites)
     }
 }
 
-/// The blocks of `G` between the contacts.
-type Blocks = [[Mat3; MAX_CONTACTS]; MAX_CONTACTS];
+/// For each contact, its displacement (m) by a normal force of 1 N at each other one: `G n`.
+type Columns = [[Vec3; MAX_CONTACTS]; MAX_CONTACTS];
+
+/// `G n`. As `G` is symmetric, a row also tells the displacement along a normal by a force: `n . G f = f . G n`.
+fn columns(contacts: &Contacts, yielding: &Yielding<'_>) -> Columns {
+    let mut columns = [[Vec3::zeros(); MAX_CONTACTS]; MAX_CONTACTS];
+    for (one, at) in contacts.iter().zip(0..MAX_CONTACTS) {
+        let Some((above, from)) = columns.split_at_mut_checked(at) else {
+            continue;
+        };
+        let Some(own) = from.first_mut() else {
+            continue;
+        };
+        for ((row, entry), other) in above.iter_mut().zip(own.iter_mut()).zip(contacts.iter()) {
+            let block = yielding.between(one, other);
+            *entry = block * other.normal;
+            if let Some(entry) = row.get_mut(at) {
+                *entry = block.transpose() * one.normal;
+            }
+        }
+        if let Some(entry) = own.get_mut(at) {
+            *entry = yielding.between(one, one) * one.normal;
+        }
+    }
+    columns
+}
+
+/// The contacts along their normals.
+struct Pressing {
+    columns: Columns,
+    /// The gaps without contact forces (m).
+    gaps: [f64; MAX_CONTACTS],
+    normals: Normals,
+    /// Whether there is room for the sphere.
+    has_room: bool,
+}
+
+impl Pressing {
+    fn new(contacts: &Contacts, yielding: &Yielding<'_>, radius: f64) -> Self {
+        let columns = columns(contacts, yielding);
+        let mut along = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+        let mut gaps = [0.0; MAX_CONTACTS];
+        let mut pressed = [false; MAX_CONTACTS];
+        let each = along.iter_mut().zip(&columns).zip(contacts);
+        for (((along, columns), one), (gap, pressed)) in each.zip(gaps.iter_mut().zip(&mut pressed))
+        {
+            for ((entry, column), _) in along.iter_mut().zip(columns).zip(contacts) {
+                *entry = one.normal.dot(column);
+            }
+            *gap = one.normal.dot(&yielding.apart(one)) - radius + one.allowed;
+            *pressed = one.normal_force > 0.0;
+        }
+        Self {
+            columns,
+            gaps,
+            normals: Normals::new(contacts.len(), &along, &pressed),
+            has_room: true,
+        }
+    }
+
+    /// Finds the normal forces, while friction stays. Returns whether they have changed.
+    fn press(&mut self, contacts: &mut Contacts) -> bool {
+        let mut gaps = self.gaps;
+        for (contact, columns) in contacts.iter().zip(&self.columns) {
+            if contact.friction != Vec3::zeros() {
+                for ((gap, column), _) in gaps.iter_mut().zip(columns).zip(contacts.iter()) {
+                    *gap += column.dot(&contact.friction);
+                }
+            }
+        }
+        self.has_room = self.normals.solve(gaps);
+        let (mut changed, mut whole) = (0.0_f64, 0.0_f64);
+        for (contact, force) in contacts.iter_mut().zip(self.normals.forces()) {
+            changed = changed.max((force - contact.normal_force).abs());
+            whole = whole.max(force);
+            contact.normal_force = force;
+        }
+        changed > SETTLED * whole
+    }
+}
 
 /// Finds the forces of the contacts with a sphere of a radius (m). Returns whether there is room for the sphere.
 pub(super) fn solve(contacts: &mut Contacts, yielding: &Yielding<'_>, radius: f64) -> bool {
-    let blocks = blocks(contacts, yielding);
-    let mut free = [Vec3::zeros(); MAX_CONTACTS];
-    let mut along = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
-    let each = contacts.iter().zip(&blocks).zip(&mut free);
-    for (((contact, blocks), free), row) in each.zip(&mut along) {
-        *free = yielding.centre - contact.foot(yielding.sites);
-        for ((entry, block), other) in row.iter_mut().zip(blocks).zip(contacts.iter()) {
-            *entry = contact.normal.dot(&(block * other.normal));
-        }
-    }
-    let mut has_room = press(contacts, &blocks, &along, &free, radius);
+    let mut pressing = Pressing::new(contacts, yielding, radius);
+    pressing.press(contacts);
     if contacts.iter().any(|contact| contact.coefficient > 0.0) {
+        let mut rubbing = Rubbing::new();
         for _ in 0..ROUNDS {
             let_go(contacts);
-            rub(contacts, &blocks, &free);
-            has_room = press(contacts, &blocks, &along, &free, radius);
+            rubbing.rub(contacts, &pressing.columns, yielding);
+            if !pressing.press(contacts) {
+                break;
+            }
         }
         if let_go(contacts) {
-            has_room = press(contacts, &blocks, &along, &free, radius);
+            pressing.press(contacts);
         }
     }
-    has_room
-}
-
-/// `G` between the contacts.
-#[expect(
-    clippy::large_stack_arrays,
-    reason = "18 kB, which the stack of the tick's thread has"
-)]
-fn blocks(contacts: &Contacts, yielding: &Yielding<'_>) -> Blocks {
-    let mut blocks = [[Mat3::zeros(); MAX_CONTACTS]; MAX_CONTACTS];
-    for ((row, one), from) in blocks.iter_mut().zip(contacts.iter()).zip(0..MAX_CONTACTS) {
-        for (block, other) in row.iter_mut().zip(contacts.iter()).skip(from) {
-            *block = yielding.between(one, other);
-        }
-    }
-    mirror(&mut blocks, contacts.len());
-    blocks
+    pressing.has_room
 }
 
 /// Ends the friction of triangles without normal force. Returns whether there was any.
@@ -318,138 +394,181 @@ fn let_go(contacts: &mut Contacts) -> bool {
     was
 }
 
-/// Completes a symmetric matrix of blocks by its upper half.
-fn mirror(blocks: &mut Blocks, count: usize) {
-    for at in 0..count {
-        let Some((above, from)) = blocks.split_at_mut_checked(at) else {
-            continue;
-        };
-        let Some(row) = from.first_mut() else {
-            continue;
-        };
-        for (block, other) in row.iter_mut().zip(above) {
-            *block = other.get(at).map_or(Mat3::zeros(), Mat3::transpose);
-        }
-    }
+/// The contacts across their normals: those that can have friction.
+struct Rubbing {
+    slides: heapless::Vec<Slide, MAX_CONTACTS>,
+    /// For each, the displacement of each across its normal by a friction of 1 N: by the axes of the friction.
+    blocks: [[[[f64; 2]; 2]; MAX_CONTACTS]; MAX_CONTACTS],
 }
 
-/// The displacement at a contact by forces at all of them.
-fn response<'a>(row: &[Mat3; MAX_CONTACTS], forces: impl Iterator<Item = Vec3> + 'a) -> Vec3 {
-    let each = row.iter().zip(forces);
-    each.fold(Vec3::zeros(), |sum, (block, force)| sum + block * force)
-}
-
-/// The normal forces, while friction stays. `along` is `G` along the normals.
-fn press(
-    contacts: &mut Contacts,
-    blocks: &Blocks,
-    along: &[[f64; MAX_CONTACTS]; MAX_CONTACTS],
-    free: &[Vec3; MAX_CONTACTS],
-    radius: f64,
-) -> bool {
-    let mut gaps = [0.0; MAX_CONTACTS];
-    let mut pressed = [false; MAX_CONTACTS];
-    let each = blocks.iter().zip(free).zip(contacts.iter());
-    for (((blocks, free), contact), (gap, pressed)) in each.zip(gaps.iter_mut().zip(&mut pressed)) {
-        let apart = free + response(blocks, contacts.iter().map(|contact| contact.friction));
-        *gap = contact.normal.dot(&apart) - radius + contact.allowed;
-        *pressed = contact.normal_force > 0.0;
-    }
-    let mut normals = Normals::new(contacts.len(), along, gaps, pressed);
-    let has_room = normals.solve();
-    for (contact, force) in contacts.iter_mut().zip(normals.forces()) {
-        contact.normal_force = force;
-    }
-    has_room
-}
-
-/// Sweeps of friction, while the normal forces stay. Only contacts that can have friction take part.
-fn rub(contacts: &mut Contacts, blocks: &Blocks, free: &[Vec3; MAX_CONTACTS]) {
-    let most = most_friction(contacts);
-    let mut slides = heapless::Vec::<Slide, MAX_CONTACTS>::new();
-    let each = blocks.iter().zip(free).zip(contacts.iter()).zip(most);
-    for ((((blocks, free), contact), most), at) in each.zip(0..MAX_CONTACTS) {
-        let own = blocks.get(at).map(|own| stiffest(own, &contact.normal));
-        if most > 0.0
-            && let Some(own) = own
-        {
-            let apart = free + response(blocks, contacts.iter().map(Contact::force));
-            // There is room for all contacts.
-            let _ = slides.push(Slide {
-                at,
-                way: apart - contact.before + contact.residual,
-                gain: BEYOND / own,
-                most,
-            });
-        }
-    }
-    let whole = most.iter().fold(0.0, |whole: f64, one| whole.max(*one));
-    for _ in 0..SWEEPS {
-        let mut changed = 0.0_f64;
-        for number in 0..slides.len() {
-            let Some(slide) = slides.get(number).copied() else {
-                continue;
-            };
-            let Some(contact) = contacts.get_mut(slide.at) else {
-                continue;
-            };
-            let aim = contact.friction - contact.across(&slide.way) * slide.gain;
-            let length = aim.norm();
-            let friction = if length > slide.most {
-                aim * (slide.most / length)
-            } else {
-                aim
-            };
-            let change = friction - contact.friction;
-            contact.friction = friction;
-            changed = changed.max(change.norm());
-            for other in &mut slides {
-                let row = blocks.get(other.at);
-                if let Some(block) = row.and_then(|row| row.get(slide.at)) {
-                    other.way += block * change;
-                }
-            }
-        }
-        if changed <= SETTLED * whole {
-            break;
-        }
-    }
-}
-
-/// A contact in the sweeps of friction.
+/// A contact in the sweeps of friction. Pairs of numbers are along the two axes.
 #[derive(Clone, Copy, Debug)]
 struct Slide {
     /// Its place in the list of contacts.
     at: usize,
-    /// The way of the tool at its foot, that sticking undoes (m).
-    way: Vec3,
+    /// Two axes across its normal.
+    axes: [Vec3; 2],
+    /// The way of the tool at its foot, that sticking undoes (m): without contact forces, and now.
+    free: [f64; 2],
+    way: [f64; 2],
     /// The change of friction by the way (N/m).
     gain: f64,
-    /// The largest friction (N).
+    /// The friction, and the largest one (N).
+    friction: [f64; 2],
     most: f64,
+}
+
+impl Rubbing {
+    fn new() -> Self {
+        Self {
+            slides: heapless::Vec::new(),
+            blocks: [[[[0.0; 2]; 2]; MAX_CONTACTS]; MAX_CONTACTS],
+        }
+    }
+
+    /// Adds a contact.
+    fn add(&mut self, at: usize, contacts: &[Contact], yielding: &Yielding<'_>) {
+        let Some(contact) = contacts.get(at) else {
+            return;
+        };
+        let axes = axes(&contact.normal);
+        let way = yielding.apart(contact) - contact.before + contact.residual;
+        let free = axes.map(|axis| axis.dot(&way));
+        let new = Slide {
+            at,
+            axes,
+            free,
+            way: free,
+            gain: 0.0,
+            friction: axes.map(|axis| axis.dot(&contact.friction)),
+            most: 0.0,
+        };
+        let number = self.slides.len();
+        // There is room for all contacts.
+        let _ = self.slides.push(new);
+        for (other, to) in self.slides.iter_mut().zip(0..MAX_CONTACTS) {
+            let Some(its) = contacts.get(other.at) else {
+                continue;
+            };
+            let block = yielding.between(its, contact);
+            let by_axis = axes.map(|axis| {
+                let moved = block * axis;
+                other.axes.map(|axis| axis.dot(&moved))
+            });
+            let [[a, b], [c, d]] = by_axis;
+            if to == number {
+                // The largest eigenvalue.
+                let half = 0.5 * (a - d);
+                let stiffest = 0.5 * (a + d) + libm::sqrt((half * half + b * c).max(0.0));
+                other.gain = if stiffest > 0.0 {
+                    BEYOND / stiffest
+                } else {
+                    0.0
+                };
+            }
+            let pairs = [(number, to, by_axis), (to, number, [[a, c], [b, d]])];
+            for (from, to, block) in pairs {
+                let row = self.blocks.get_mut(from);
+                if let Some(place) = row.and_then(|row| row.get_mut(to)) {
+                    *place = block;
+                }
+            }
+        }
+    }
+
+    /// Sweeps of friction, while the normal forces stay. Only contacts that can have friction take part.
+    fn rub(&mut self, contacts: &mut Contacts, columns: &Columns, yielding: &Yielding<'_>) {
+        let most = most_friction(contacts);
+        for (at, most) in (0..contacts.len()).zip(most) {
+            if most > 0.0 && !self.slides.iter().any(|slide| slide.at == at) {
+                self.add(at, contacts, yielding);
+            }
+        }
+        for slide in &mut self.slides {
+            slide.most = most.get(slide.at).copied().unwrap_or_default();
+            let mut pushed = Vec3::zeros();
+            for (column, contact) in columns.get(slide.at).into_iter().flatten().zip(&*contacts) {
+                pushed += column * contact.normal_force;
+            }
+            for ((way, free), axis) in slide.way.iter_mut().zip(&slide.free).zip(&slide.axes) {
+                *way = free + axis.dot(&pushed);
+            }
+        }
+        for (number, from) in (0..self.slides.len()).zip(&self.blocks) {
+            if let Some(friction) = self.slides.get(number).map(|slide| slide.friction) {
+                shift(&mut self.slides, from, friction);
+            }
+        }
+        self.sweep();
+        for slide in &self.slides {
+            if let Some(contact) = contacts.get_mut(slide.at) {
+                let ([a, b], [x, y]) = (&slide.axes, slide.friction);
+                contact.friction = a * x + b * y;
+            }
+        }
+    }
+
+    fn sweep(&mut self) {
+        let each = self.slides.iter();
+        let whole = each.fold(0.0, |whole: f64, slide| whole.max(slide.most));
+        for _ in 0..SWEEPS {
+            let mut changed = 0.0_f64;
+            for (number, from) in (0..self.slides.len()).zip(&self.blocks) {
+                let Some(slide) = self.slides.get_mut(number) else {
+                    continue;
+                };
+                let ([x, y], [along, across]) = (slide.friction, slide.way);
+                let (mut aim, mut other) = (x - along * slide.gain, y - across * slide.gain);
+                let length = libm::sqrt(aim * aim + other * other);
+                if length > slide.most {
+                    let part = slide.most / length;
+                    (aim, other) = (aim * part, other * part);
+                }
+                slide.friction = [aim, other];
+                let change = [aim - x, other - y];
+                let [along, across] = change;
+                changed = changed.max(along * along + across * across);
+                shift(&mut self.slides, from, change);
+            }
+            if libm::sqrt(changed) <= SETTLED * whole {
+                break;
+            }
+        }
+    }
+}
+
+/// Moves contacts by a change of the friction to which these blocks belong.
+fn shift(slides: &mut [Slide], from: &[[[f64; 2]; 2]; MAX_CONTACTS], [x, y]: [f64; 2]) {
+    for (slide, [[a, b], [c, d]]) in slides.iter_mut().zip(from) {
+        let [along, across] = &mut slide.way;
+        *along += a * x + c * y;
+        *across += b * x + d * y;
+    }
+}
+
+/// Two axes across a normal, by T. Duff et al., "Building an orthonormal basis, revisited" (2017).
+fn axes(normal: &Vec3) -> [Vec3; 2] {
+    let (x, y, z) = (normal.x, normal.y, normal.z);
+    let sign = 1.0_f64.copysign(z);
+    let a = -1.0 / (sign + z);
+    let b = x * y * a;
+    [
+        Vec3::new(1.0 + sign * x * x * a, sign * b, -sign * x),
+        Vec3::new(b, sign + y * y * a, -y),
+    ]
 }
 
 /// The largest friction of each contact (N): that of the first one on a triangle holds for all normal forces on the triangle.
 fn most_friction(contacts: &[Contact]) -> [f64; MAX_CONTACTS] {
     let mut most = [0.0; MAX_CONTACTS];
-    for ((most, one), at) in most.iter_mut().zip(contacts).zip(0..MAX_CONTACTS) {
-        let same = |other: &&Contact| other.corners == one.corners;
-        if !contacts.iter().take(at).any(|other| same(&other)) {
-            let forces = contacts.iter().filter(same).map(|other| other.normal_force);
-            *most = one.coefficient * forces.fold(0.0, |sum, force| sum + force);
+    for pressing in contacts.iter().filter(|one| one.normal_force > 0.0) {
+        let each = most.iter_mut().zip(contacts);
+        let mut first = each.filter(|(_, one)| one.corners == pressing.corners);
+        if let Some((most, one)) = first.next() {
+            *most += one.coefficient * pressing.normal_force;
         }
     }
     most
-}
-
-/// The largest eigenvalue of a symmetric block across a normal.
-fn stiffest(block: &Mat3, normal: &Vec3) -> f64 {
-    let along = block * normal;
-    let own = normal.dot(&along);
-    // The trace of the part across, and that of its square.
-    let trace = block.trace() - own;
-    let square = block.norm_squared() - 2.0 * along.norm_squared() + own * own;
-    0.5 * (trace + libm::sqrt((2.0 * square - trace * trace).max(0.0)))
 }
 
 /// Whether each contact overlaps by no more than it may.
@@ -463,7 +582,7 @@ pub(super) fn are_clear(contacts: &[Contact], radius: f64) -> bool {
 pub(super) fn settle(contacts: &mut Contacts, now: &Places<'_>) {
     let most = most_friction(contacts);
     for (contact, most) in contacts.iter_mut().zip(most) {
-        let way = now.centre - contact.foot(now.sites) - contact.before + contact.residual;
+        let way = now.centre - contact.at(now.sites) - contact.before + contact.residual;
         let sticks = contact.friction.norm() < SLIDES * most;
         contact.residual = if sticks {
             contact.across(&way)

@@ -47,6 +47,9 @@ const LINEARIZED: usize = 4;
 /// The ways of tool and surface in a tick, by which contacts are looked for beyond the radius.
 const REACH: f64 = 2.0;
 
+/// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
+const AT_REST: f64 = 1e-14;
+
 /// A tool: a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolConfig {
@@ -82,6 +85,32 @@ impl SiteState {
         offset: Vec3::new(0.0, 0.0, 0.0),
         bias: Vec3::new(0.0, 0.0, 0.0),
     };
+}
+
+/// The box around points.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    least: Vec3,
+    most: Vec3,
+}
+
+impl Bounds {
+    /// The box around no point.
+    const NONE: Self = Self {
+        least: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
+        most: Vec3::new(-f64::INFINITY, -f64::INFINITY, -f64::INFINITY),
+    };
+
+    fn add(&mut self, point: &Vec3) {
+        self.least = self.least.inf(point);
+        self.most = self.most.sup(point);
+    }
+
+    /// The distance of a point from the box (m); zero inside.
+    fn distance(&self, point: &Vec3) -> f64 {
+        let beyond = (self.least - point).sup(&(point - self.most));
+        beyond.sup(&Vec3::zeros()).norm()
+    }
 }
 
 /// How the viscous stretch of a patch relaxes in a tick.
@@ -132,6 +161,8 @@ pub struct Tool {
     is_pending: bool,
     refused: u64,
     relaxation: Relaxation,
+    /// Whether no site of the patch yields.
+    is_rigid: bool,
     sites: [SiteState; MAX_SITES],
     /// The sites as rendered last (m).
     places: [Vec3; MAX_SITES],
@@ -142,6 +173,14 @@ pub struct Tool {
     fade: f64,
     fade_step: f64,
     has_room: bool,
+    /// The sites without contact forces, without their offsets.
+    bounds: Bounds,
+    /// The largest offset of a site when the message came (m).
+    most_offset: f64,
+    /// Whether no stretch of a site relaxes.
+    is_at_rest: bool,
+    /// Whether the tool was far from all sites in the last tick, so that their places were not computed.
+    is_away: bool,
 }
 
 impl Tool {
@@ -157,6 +196,7 @@ impl Tool {
                 left: 0.0,
                 gain: 0.0,
             },
+            is_rigid: true,
             sites: [SiteState::ZERO; MAX_SITES],
             places: [Vec3::zeros(); MAX_SITES],
             contacts: Contacts::new(),
@@ -165,6 +205,10 @@ impl Tool {
             fade: 0.0,
             fade_step: 0.0,
             has_room: true,
+            bounds: Bounds::NONE,
+            most_offset: 0.0,
+            is_at_rest: true,
+            is_away: false,
         }
     }
 
@@ -200,17 +244,27 @@ impl Tool {
     pub fn tick(&mut self, hand: &Vec3) -> Vec3 {
         if self.is_pending {
             self.is_pending = false;
+            self.come_back();
             self.switch();
         }
-        self.fade = (self.fade - self.fade_step).max(0.0);
+        let fade = (self.fade - self.fade_step).max(0.0);
         let before = self.proxy.unwrap_or(*hand);
-        let centre = hand + self.offset * self.fade;
+        let centre = hand + self.offset * fade;
+        if self.contacts.is_empty() && self.is_away_from(&centre, &before) {
+            (self.fade, self.proxy) = (fade, Some(centre));
+            self.is_away = true;
+            return Vec3::zeros();
+        }
+        self.come_back();
+        self.fade = fade;
         let free = self.free();
         let fraction = 1.0 / (1.0 + self.relaxation.gain);
         let (mut proxy, mut places) = (before, self.places);
+        // Where the tool would be if the forces of the last tick stayed.
+        let held = centre + self.patch.head.floor * self.force();
         let lengths = Lengths {
             radius: self.config.radius,
-            reach: REACH * ((centre - before).norm() + self.most_motion(&free)),
+            reach: REACH * ((held - before).norm() + self.most_motion(&free)),
             parting: self.config.parting * self.config.period,
         };
         for pass in 0..LINEARIZED {
@@ -222,8 +276,8 @@ impl Tool {
                 centre: &proxy,
                 sites: &places,
             };
-            let kept = self.contacts.clone();
-            let found = find(self.patch.head.triangles(), [was, now], &lengths, &kept);
+            let triangles = self.patch.head.triangles();
+            let found = find(triangles, [was, now], &lengths, &self.contacts);
             if pass > 0 && are_clear(&found, self.config.radius) {
                 break;
             }
@@ -238,6 +292,7 @@ impl Tool {
                 compliance: &self.patch.compliance,
                 fraction,
                 floor: &self.patch.head.floor,
+                is_rigid: self.is_rigid,
             };
             self.has_room = solve(&mut self.contacts, &yielding, self.config.radius);
             proxy = centre + self.patch.head.floor * self.force();
@@ -269,7 +324,7 @@ impl Tool {
         &self.contacts
     }
 
-    /// The sites in use, as rendered (m).
+    /// The sites in use, as rendered (m), when the tool was near them last.
     pub fn places(&self) -> &[Vec3] {
         let count = usize::from(self.patch.head.site_count);
         self.places.get(..count).unwrap_or(&self.places)
@@ -283,6 +338,22 @@ impl Tool {
     /// Number of patches that were refused.
     pub fn refused(&self) -> u64 {
         self.refused
+    }
+
+    /// Whether the tool cannot meet the surface in a tick in which its centre moves from `before` to `centre`, if it has no
+    /// contact. Nothing then is computed but the place of the tool.
+    fn is_away_from(&self, centre: &Vec3, before: &Vec3) -> bool {
+        let moved = (centre - before).norm() + self.most_offset * self.fade_step;
+        let near = self.config.radius + self.most_offset * self.fade + REACH * moved;
+        self.is_at_rest && self.bounds.distance(centre) > near
+    }
+
+    /// Finds the places of the sites in the last tick, if the tool was far from them.
+    fn come_back(&mut self) {
+        if self.is_away {
+            self.is_away = false;
+            self.places = self.free();
+        }
     }
 
     /// Takes the pending patch into use. Sites and proxy stay where they are.
@@ -312,7 +383,14 @@ impl Tool {
         self.patch.copy_used_from(&self.pending);
         self.offset = if before > 0 { offset } else { Vec3::zeros() };
         self.relaxation = self.relaxation();
+        self.is_rigid = self.patch.is_rigid();
         self.begin_sites(&kept, count);
+        let each = self.sites.iter().zip(&self.patch.sites).take(count);
+        (self.bounds, self.most_offset) = (Bounds::NONE, 0.0);
+        for (state, site) in each {
+            self.bounds.add(&(site.place + state.bias));
+            self.most_offset = self.most_offset.max(state.offset.norm());
+        }
         let head = &self.patch.head;
         self.fade = 1.0;
         self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
@@ -403,12 +481,20 @@ impl Tool {
         fraction: f64,
     ) -> [Vec3; MAX_SITES] {
         let mut places = *free;
+        if self.is_rigid {
+            return places;
+        }
         let count = usize::from(self.patch.head.site_count);
+        let mut loaded = heapless::Vec::<(usize, Vec3), MAX_SITES>::new();
+        for (force, at) in forces.iter().zip(0..count) {
+            if *force != Vec3::zeros() {
+                // There is room for all sites.
+                let _ = loaded.push((at, force * fraction));
+            }
+        }
         for (place, row) in places.iter_mut().zip(&self.patch.compliance).take(count) {
-            for (block, force) in row.iter().zip(forces).take(count) {
-                if *force != Vec3::zeros() {
-                    *place += block * (force * fraction);
-                }
+            for (at, force) in &loaded {
+                *place += row.get(*at).map_or(Vec3::zeros(), |block| block * force);
             }
         }
         places
@@ -433,6 +519,14 @@ impl Tool {
             let stretch = place - site.place - state.offset * self.fade;
             state.viscous = state.viscous * left + (stretch - state.stretch) * gain;
             state.stretch = stretch;
+        }
+        let mut each = self.sites.iter_mut().take(count);
+        let is_free = self.contacts.is_empty();
+        self.is_at_rest = is_free && each.all(|state| state.viscous.amax() < AT_REST);
+        if self.is_at_rest {
+            for state in self.sites.iter_mut().take(count) {
+                (state.viscous, state.stretch) = (Vec3::zeros(), state.bias);
+            }
         }
     }
 }

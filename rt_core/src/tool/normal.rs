@@ -30,40 +30,53 @@ pub(super) struct Normals {
 }
 
 impl Normals {
-    /// A problem of `count` contacts, with `G` and `q` by row and column. Contacts that `pressed` before are tried first.
+    /// A problem of `count` contacts, with `G` by row and column. Contacts that `pressed` before are tried first.
     pub(super) fn new(
         count: usize,
         rows: &[[f64; MAX_CONTACTS]; MAX_CONTACTS],
-        gaps: [f64; MAX_CONTACTS],
-        pressed: [bool; MAX_CONTACTS],
+        pressed: &[bool; MAX_CONTACTS],
     ) -> Self {
         let mut new = Self {
             count: count.min(MAX_CONTACTS),
             rows: *rows,
             own: [0.0; MAX_CONTACTS],
-            values: gaps,
+            values: [0.0; MAX_CONTACTS],
             presses: [false; MAX_CONTACTS],
         };
         for ((own, row), at) in new.own.iter_mut().zip(&new.rows).zip(0..MAX_CONTACTS) {
             *own = row.get(at).copied().unwrap_or_default();
         }
-        for (pressed, at) in pressed.into_iter().zip(0..new.count) {
-            if pressed && new.yields(at) {
-                new.exchange(at);
+        for (pressed, at) in pressed.iter().zip(0..new.count) {
+            if *pressed && new.yields(at) {
+                new.pivot(at);
             }
-        }
-        // Each exchange opens one contact, so that at most all are opened.
-        for _ in 0..new.count {
-            let Some(pulling) = new.least(true, 0.0) else {
-                break;
-            };
-            new.exchange(pulling);
         }
         new
     }
 
-    /// Solves the problem. Returns whether it has a solution: two planes that face each other may have none.
-    pub(super) fn solve(&mut self) -> bool {
+    /// The values by `q`, while the same contacts press.
+    fn begin(&mut self, gaps: &[f64; MAX_CONTACTS]) {
+        let own = self.values.iter_mut().zip(&self.rows).zip(&self.presses);
+        for (((value, row), is_force), gap) in own.zip(gaps).take(self.count) {
+            let mut sum = if *is_force { 0.0 } else { *gap };
+            for ((entry, gap), presses) in row.iter().zip(gaps).zip(&self.presses) {
+                sum -= if *presses { entry * gap } else { 0.0 };
+            }
+            *value = sum;
+        }
+        // Each exchange opens one contact, so that at most all are opened.
+        for _ in 0..self.count {
+            let Some(pulling) = self.least(true, 0.0) else {
+                break;
+            };
+            self.exchange(pulling);
+        }
+    }
+
+    /// Solves the problem for `q`; the contacts that pressed in the last solution are tried first. Returns whether there is a
+    /// solution: two planes that face each other may have none.
+    pub(super) fn solve(&mut self, gaps: [f64; MAX_CONTACTS]) -> bool {
+        self.begin(&gaps);
         let mut steps = 0..STEPS;
         while let Some(entering) = self.least(false, -CLOSED) {
             let mut force = 0.0;
@@ -235,8 +248,8 @@ mod tests {
         ) {
             let count = numbers.len();
             let (rows, gaps) = planes(&numbers, spread);
-            let mut problem = Normals::new(count, &rows, gaps, warm);
-            prop_assert!(problem.solve());
+            let mut problem = Normals::new(count, &rows, &warm);
+            prop_assert!(problem.solve(gaps));
             let forces: Vec<f64> = problem.forces().collect();
             check(count, &rows, &gaps, &forces);
         }
@@ -254,8 +267,8 @@ mod tests {
                     *entry = product.sum::<f64>() * 1e-4 + f64::from(u8::from(i == j)) * 1e-4;
                 }
             }
-            let mut problem = Normals::new(MAX_CONTACTS, &rows, gaps, warm);
-            prop_assert!(problem.solve());
+            let mut problem = Normals::new(MAX_CONTACTS, &rows, &warm);
+            prop_assert!(problem.solve(gaps));
             let forces: Vec<f64> = problem.forces().collect();
             check(MAX_CONTACTS, &rows, &gaps, &forces);
         }
@@ -269,12 +282,12 @@ mod tests {
         (rows[0][1], rows[1][0]) = (-1.0, -1.0);
         let mut gaps = [0.0; MAX_CONTACTS];
         (gaps[0], gaps[1]) = (-1e-3, -1e-3);
-        let mut problem = Normals::new(2, &rows, gaps, [false; MAX_CONTACTS]);
-        assert!(!problem.solve());
+        let mut problem = Normals::new(2, &rows, &[false; MAX_CONTACTS]);
+        assert!(!problem.solve(gaps));
         // There is room for a force at one of them.
         gaps[1] = 2e-3;
-        let mut problem = Normals::new(2, &rows, gaps, [false; MAX_CONTACTS]);
-        assert!(problem.solve());
+        let mut problem = Normals::new(2, &rows, &[false; MAX_CONTACTS]);
+        assert!(problem.solve(gaps));
         assert_eq!(problem.forces().collect::<Vec<_>>(), [1e-3, 0.0]);
     }
 }

@@ -178,6 +178,11 @@ impl Patch {
         }
     }
 
+    /// Whether no site yields.
+    pub fn is_rigid(&self) -> bool {
+        self.blocks().flatten().all(|block| *block == Mat3::zeros())
+    }
+
     /// Copies the used part of another patch.
     pub fn copy_used_from(&mut self, other: &impl Publication<Head = PatchHead>) {
         self.head = *other.head();

@@ -457,3 +457,57 @@ fn a_deep_hold_stands_still() {
         }
     }
 }
+
+#[test]
+fn what_is_not_computed_far_from_the_surface_changes_no_force() {
+    // Two more sites, far away, keep the other tool inside the box around the sites.
+    let near = |number: u64, is_boxed: bool| {
+        let shift = Vec3::new(0.3e-3, 0.2e-3, 0.4e-3) * (number as f64 * 1.7).sin();
+        let mut patch = obstacle(&ridge(0.1), 0.3);
+        let count = usize::from(patch.head.site_count);
+        for (site, row) in patch
+            .sites
+            .iter_mut()
+            .zip(&mut patch.compliance)
+            .take(count)
+        {
+            site.place += shift;
+            site.velocity = shift * 10.0;
+            for block in row.iter_mut().take(count) {
+                block.fill_diagonal(2e-4);
+            }
+        }
+        (patch.head.damping, patch.head.stiffness) = (5e-3, 5e3);
+        (patch.head.sequence, patch.head.period) = (number + 1, 0.016);
+        if is_boxed {
+            patch.head.site_count += 2;
+            patch.sites[count].place = Vec3::repeat(1.0);
+            patch.sites[count + 1].place = Vec3::repeat(-1.0);
+        }
+        patch
+    };
+    let mut tools = Vec::from_iter([5e-3, 5e-3].map(ball));
+    let (mut most, mut shortcuts) = (0.0_f64, 0);
+    for tick in 0..3000_u32 {
+        let time = f64::from(tick) * PERIOD;
+        let hand = Vec3::new(
+            2e-3 * (9.0 * time).sin(),
+            1e-3 * (7.0 * time).sin(),
+            // Up to 5 cm above the surface, and 1 mm deep.
+            4e-3 + 0.05 * (4.0 * time).sin().max(0.0).powi(2),
+        );
+        let [one, other] = [false, true].map(|is_boxed| {
+            let tool = &mut tools[usize::from(is_boxed)];
+            if tick % 16 == 0 {
+                tool.accept(&near(u64::from(tick), is_boxed)).unwrap();
+            }
+            tool.tick(&hand)
+        });
+        shortcuts += u32::from(tools[0].is_away);
+        assert!(!tools[1].is_away);
+        most = most.max(one.norm());
+        // Rounding of places: 0.1 pm on 3 kN/m.
+        assert!((one - other).norm() < 3e-10, "{tick}: {one} {other}");
+    }
+    assert!(most > 1.0 && shortcuts > 1000, "{most} {shortcuts}");
+}
