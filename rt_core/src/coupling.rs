@@ -19,11 +19,12 @@ mod leaving;
 mod parting;
 mod slips;
 
-use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
+use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench};
 use crate::held_back::HeldBackByBody;
 use crate::local_model::{Lead, LocalModel, ModelFault, PublishedModel};
 use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
+use crate::trust::{Aging, Trust};
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
 use leaving::Fade;
 use slips::Slips;
@@ -195,14 +196,10 @@ pub struct Coupling {
     /// Fraction of `to` in the blend, and its growth per tick.
     blend: f64,
     blend_step: f64,
-    /// Trust in the model, from zero (safe hold) to one.
-    trust: f64,
-    state: HostState,
+    trust: Trust,
     counters: CouplingCounters,
     held_back: HeldBackByBody,
     passivity: Passivity,
-    /// Time of the last tick (ns); `None` before the first.
-    ticked_ns: Option<u64>,
     /// Time for which the drift of the newest model has acted (s).
     ahead: f64,
     /// Fraction of each handle's step that the stiffness resists as a damper would: translation and rotation.
@@ -225,12 +222,15 @@ impl Coupling {
             is_pending: false,
             blend: 1.0,
             blend_step: 0.0,
-            trust: 0.0,
-            state: HostState::Waiting,
+            trust: Trust::new(Aging {
+                period: config.period,
+                age_limit: config.age_limit,
+                decay: config.decay,
+                recovery: config.recovery,
+            }),
             counters: CouplingCounters::default(),
             held_back: HeldBackByBody::default(),
             passivity: Passivity::new(config.passivity),
-            ticked_ns: None,
             ahead: 0.0,
             lead: [[0.0; 2]; MAX_HANDLES],
             slips: Slips::none(),
@@ -253,9 +253,9 @@ impl Coupling {
             // follow.
             let head = model.head();
             let later =
-                head.time_ns > current.head.time_ns || self.is_to_come(current.head.time_ns);
+                head.time_ns > current.head.time_ns || self.trust.is_to_come(current.head.time_ns);
             let newer = later && head.epoch >= current.head.epoch;
-            if self.is_to_come(head.time_ns) {
+            if self.trust.is_to_come(head.time_ns) {
                 Err(ModelFault::ToCome)
             } else if seen_one && !newer {
                 Err(ModelFault::Outdated)
@@ -296,7 +296,7 @@ impl Coupling {
         hands: &[(Pose, Twist)],
         devices: &[(Pose, Twist)],
     ) -> [Wrench; MAX_HANDLES] {
-        self.ticked_ns = Some(now_ns);
+        self.trust.begin(now_ns);
         self.fade_leaving();
         self.passivity.observe(
             hands.iter().map(|(pose, _)| *pose),
@@ -317,9 +317,13 @@ impl Coupling {
             self.passivity.restore(hands, devices, &mut wrenches);
         }
         self.blend = (self.blend + self.blend_step).min(1.0);
-        self.grow_old(now_ns);
-        let trust = smooth_step(self.trust);
-        self.note_held_back(now_ns, trust, &wrenches);
+        if self.to.head.handle_count > 0 {
+            self.trust.grow_old(self.age_ns(now_ns));
+        }
+        let trust = self.trust.part();
+        let used = wrenches.iter().take(usize::from(self.to.head.handle_count));
+        let is_aged = self.trust.faded() > 0;
+        (self.held_back).note(now_ns, &self.passivity.withheld(), trust, is_aged, used);
         for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
             let device = usize::from(handle.device);
             let moving = devices
@@ -338,7 +342,7 @@ impl Coupling {
     /// the part that passed of the force asked for.
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[Passed; MAX_DEVICES]) {
         let mut weights = [[Vec3::zeros(); 2]; MAX_DEVICES];
-        let trust = smooth_step(self.trust);
+        let trust = self.trust.part();
         for (handle, borne) in self.to.handles().zip(&self.weights) {
             let device = usize::from(handle.device);
             let known = weights.get_mut(device).zip(passed.get(device));
@@ -388,25 +392,20 @@ impl Coupling {
 
     /// Trust in the model, from zero (safe hold) to one.
     pub fn trust(&self) -> f64 {
-        self.trust
+        self.trust.value()
     }
 
     /// The state of the coupling.
     pub fn state(&self) -> HostState {
-        self.state
+        self.trust.state()
     }
 
     /// The counts so far.
     pub fn counters(&self) -> CouplingCounters {
-        self.counters
-    }
-
-    /// Whether a time is farther ahead of the last tick than the age that a model may have.
-    fn is_to_come(&self, time_ns: u64) -> bool {
-        self.ticked_ns.is_some_and(|ticked| {
-            let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
-            ahead > self.config.age_limit
-        })
+        CouplingCounters {
+            faded: self.trust.faded(),
+            ..self.counters
+        }
     }
 
     /// Takes the pending model into use. From here on the force passes from the force rendered so far to that of the
@@ -535,23 +534,6 @@ impl Coupling {
         ticks.max(left)
     }
 
-    /// Notes the force that the cap and the fade of an old model hold back. `trust` is the fraction of `wrenches` that
-    /// is rendered. The force that grows before the first fade belongs to the start of a run, and does not count.
-    fn note_held_back(&mut self, now_ns: u64, trust: f64, wrenches: &[Wrench; MAX_HANDLES]) {
-        let Withheld { force, of } = self.passivity.withheld();
-        if force > 0.0 {
-            let whole = of * trust;
-            self.held_back
-                .capped
-                .note(now_ns, whole, whole - force * trust);
-        }
-        if trust < 1.0 && self.counters.faded > 0 {
-            let used = wrenches.iter().take(usize::from(self.to.head.handle_count));
-            let largest = used.map(|wrench| wrench.force.norm()).fold(0.0, f64::max);
-            self.held_back.aged.note(now_ns, largest, largest * trust);
-        }
-    }
-
     fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         let deviations = self.to.deviations(devices);
         let mut wrenches = self.to.wrenches(&deviations, self.ahead);
@@ -565,28 +547,6 @@ impl Coupling {
             }
         }
         wrenches
-    }
-
-    fn grow_old(&mut self, now_ns: u64) {
-        if self.to.head.handle_count == 0 {
-            return;
-        }
-        let fresh = self.age_ns(now_ns) as f64 <= self.config.age_limit * 1e9;
-        let was_live = self.state == HostState::Live;
-        let step = if fresh {
-            self.config.period / self.config.recovery
-        } else {
-            -self.config.period / self.config.decay
-        };
-        self.trust = (self.trust + step).clamp(0.0, 1.0);
-        self.state = match (fresh, self.trust > 0.0) {
-            (true, _) => HostState::Live,
-            (false, true) => HostState::Fading,
-            (false, false) => HostState::Held,
-        };
-        if was_live && !fresh {
-            count_one(&mut self.counters.faded);
-        }
     }
 }
 

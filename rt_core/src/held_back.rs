@@ -4,7 +4,8 @@
 //! cause has one [`HeldBack`]. It tells when the force was smaller than without that cause, for how long, and by how
 //! much. The sums only grow and use constant memory, so a summary needs no record of the ticks.
 
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, Wrench};
+use crate::passivity::Withheld;
 use crate::safety::SafetyState;
 
 /// Smallest fraction of a force that counts as held back. Smaller ones lie within the accuracy of the hold.
@@ -142,6 +143,29 @@ pub struct HeldBackByBody {
     pub capped: HeldBack,
     /// The age of the model: after a model has grown too old, the force fades, and returns later.
     pub aged: HeldBack,
+}
+
+impl HeldBackByBody {
+    /// Notes the force that the cap and the fade of an old message hold back at `now_ns` (ns). `trust` is the fraction of the
+    /// `wrenches` that is rendered. The force that grows before the first fade belongs to the start of a run, and does not count.
+    pub(crate) fn note<'a>(
+        &mut self,
+        now_ns: u64,
+        withheld: &Withheld,
+        trust: f64,
+        is_aged: bool,
+        wrenches: impl Iterator<Item = &'a Wrench>,
+    ) {
+        if withheld.force > 0.0 {
+            let whole = withheld.of * trust;
+            (self.capped).note(now_ns, whole, whole - withheld.force * trust);
+        }
+        if trust < 1.0 && is_aged {
+            let largest = wrenches.map(|wrench| wrench.force.norm());
+            let largest = largest.fold(0.0, f64::max);
+            self.aged.note(now_ns, largest, largest * trust);
+        }
+    }
 }
 
 #[cfg(test)]

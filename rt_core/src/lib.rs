@@ -65,6 +65,7 @@ pub mod safety;
 pub mod scheme;
 mod slip;
 pub mod tool;
+mod trust;
 pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};

@@ -66,7 +66,7 @@ impl Slips {
 impl Coupling {
     /// Whether the body asks for slips.
     pub(crate) fn asks_for_slips(&self) -> bool {
-        self.slips.asks && self.state == HostState::Live && self.trust >= 1.0
+        self.slips.asks && self.state() == HostState::Live && self.trust() >= 1.0
     }
 
     /// The request of the body to the slip of a device's proxy.
