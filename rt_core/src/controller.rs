@@ -12,9 +12,11 @@ use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::held_back::{HeldBackByBody, HeldBackByDevice};
 use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
-use crate::record::Telemetry;
+use crate::publication::Publication;
+use crate::record::{Telemetry, ToolTelemetry};
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::slip::Asked;
+use crate::tool::{PatchFault, PatchHead, ToolCoupling, ToolCouplingConfig};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 #[expect(
     clippy::disallowed_types,
@@ -39,6 +41,8 @@ pub struct ControllerConfig {
     pub devices: heapless::Vec<DeviceConfig, MAX_DEVICES>,
     /// One coupling for each connected body.
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
+    /// The tool of each device, by device. A device may hold a handle of a body, too: both forces add up.
+    pub tools: [Option<ToolCouplingConfig>; MAX_DEVICES],
 }
 
 /// The controller: the law and its whole state.
@@ -111,8 +115,12 @@ pub struct Controller {
     /// stack can make a controller. [`Controller::new`] allocates; a tick never does.
     #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
     couplings: heapless::Vec<Box<Coupling>, MAX_BODIES>,
-    /// Number of models for bodies that do not exist.
+    /// The tools, in the order of their devices.
+    #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
+    tools: heapless::Vec<Box<ToolCoupling>, MAX_DEVICES>,
+    /// Number of models for bodies that do not exist, and of patches for devices without a tool.
     stray_models: u64,
+    stray_patches: u64,
     tick: u64,
     /// Whether a proxy has slipped.
     has_slips: bool,
@@ -125,7 +133,9 @@ impl Clone for Controller {
         Self {
             channels: self.channels.clone(),
             couplings: self.couplings.clone(),
+            tools: self.tools.clone(),
             stray_models: self.stray_models,
+            stray_patches: self.stray_patches,
             tick: self.tick,
             has_slips: self.has_slips,
             pool: self.pool,
@@ -137,26 +147,32 @@ impl Clone for Controller {
         let Self {
             channels,
             couplings,
+            tools,
             stray_models,
+            stray_patches,
             tick,
             has_slips,
             pool,
         } = self;
         channels.clone_from(&source.channels);
-        couplings.truncate(source.couplings.len());
-        let (same, more) = source
-            .couplings
-            .split_at_checked(couplings.len())
-            .unwrap_or_default();
-        for (to, from) in couplings.iter_mut().zip(same) {
-            to.clone_from(from);
-        }
-        for from in more {
-            // The lists have the same capacity.
-            let _ = couplings.push(from.clone());
-        }
+        copy_in_place(couplings, &source.couplings);
+        copy_in_place(tools, &source.tools);
+        *stray_patches = source.stray_patches;
         (*stray_models, *tick) = (source.stray_models, source.tick);
         (*has_slips, *pool) = (source.has_slips, source.pool);
+    }
+}
+
+/// Copies a list item by item.
+fn copy_in_place<T: Clone, const N: usize>(to: &mut heapless::Vec<T, N>, from: &[T]) {
+    to.truncate(from.len());
+    let (same, more) = from.split_at_checked(to.len()).unwrap_or_default();
+    for (to, from) in to.iter_mut().zip(same) {
+        to.clone_from(from);
+    }
+    for from in more {
+        // The lists have the same capacity.
+        let _ = to.push(from.clone());
     }
 }
 
@@ -186,13 +202,16 @@ impl From<u64> for TickTime {
 }
 
 impl Controller {
-    /// A controller at rest, before its first model. It takes 128 kB of the heap for each body.
+    /// A controller at rest, before its first model. It takes 128 kB of the heap for each body, and 56 kB for each tool. A tool
+    /// whose device does not exist is left out.
     #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
     pub fn new(config: &ControllerConfig) -> Self {
         let mut new = Self {
             channels: heapless::Vec::new(),
             couplings: heapless::Vec::new(),
+            tools: heapless::Vec::new(),
             stray_models: 0,
+            stray_patches: 0,
             tick: 0,
             has_slips: false,
             pool: 0.0,
@@ -205,6 +224,11 @@ impl Controller {
         }
         for body in &config.bodies {
             let _ = new.couplings.push(Box::new(Coupling::new(*body)));
+        }
+        for (tool, device) in config.tools.iter().zip(0..new.channels.len()) {
+            if let Some(tool) = tool {
+                let _ = new.tools.push(Box::new(ToolCoupling::new(device, *tool)));
+            }
         }
         new
     }
@@ -219,6 +243,24 @@ impl Controller {
         } else {
             count_one(&mut self.stray_models);
             Err(ModelFault::Handles)
+        }
+    }
+
+    /// Hands over the newest patch for the tool of a device. The next tick takes the patch into use.
+    ///
+    /// # Errors
+    /// The [`PatchFault`] for which the patch was refused. Refusals are counted.
+    pub fn accept_patch(
+        &mut self,
+        device: usize,
+        patch: &impl Publication<Head = PatchHead>,
+    ) -> Result<(), PatchFault> {
+        let mut tools = self.tools.iter_mut();
+        if let Some(tool) = tools.find(|tool| tool.device() == device) {
+            tool.accept(patch)
+        } else {
+            count_one(&mut self.stray_patches);
+            Err(PatchFault::NoTool)
         }
     }
 
@@ -256,7 +298,7 @@ impl Controller {
         for (proxy, record) in proxies.iter().zip(&mut telemetry.devices) {
             (record.pose, record.twist) = *proxy;
         }
-        let mut forces = [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES];
+        let mut forces = [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES + 1];
         self.couple(now_ns, &hands, proxies, &mut forces, &mut telemetry);
         let commands = self.limit(&mut forces, &mut telemetry);
         self.account(&forces, &mut telemetry);
@@ -324,7 +366,7 @@ impl Controller {
         }
     }
 
-    /// The second phase: computes the wrench of each body on each proxy.
+    /// The second phase: computes the wrench of each body and of each tool on each proxy.
     fn couple(
         &mut self,
         now_ns: u64,
@@ -333,7 +375,7 @@ impl Controller {
         forces: &mut Forces,
         telemetry: &mut Telemetry,
     ) {
-        let bodies = self.couplings.iter_mut().zip(forces);
+        let bodies = self.couplings.iter_mut().zip(&mut *forces);
         for ((coupling, by_device), record) in bodies.zip(&mut telemetry.bodies) {
             let wrenches = coupling.tick_slipped(now_ns, hands, proxies);
             for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
@@ -355,6 +397,45 @@ impl Controller {
         if couplings.any(|coupling| coupling.passivity().is_due()) {
             self.exchange();
         }
+        if !self.tools.is_empty() {
+            self.touch(now_ns, hands, proxies, forces, telemetry);
+        }
+    }
+
+    /// Computes the wrench of each tool on the proxy of its device.
+    #[inline(never)]
+    fn touch(
+        &mut self,
+        now_ns: u64,
+        hands: &[(Pose, Twist)],
+        proxies: &[(Pose, Twist)],
+        forces: &mut Forces,
+        telemetry: &mut Telemetry,
+    ) {
+        telemetry.tool_count = self.tools.len() as u8;
+        let mut forces = forces.get_mut(self.couplings.len());
+        for (tool, record) in self.tools.iter_mut().zip(&mut telemetry.tools) {
+            let (device, wrench) = (tool.device(), tool.tick_slipped(now_ns, hands, proxies));
+            if let Some(channel) = self.channels.get_mut(device) {
+                channel.wrench = channel.wrench.plus(&wrench);
+            }
+            let place = forces.as_mut().and_then(|forces| forces.get_mut(device));
+            if let Some(place) = place {
+                *place = wrench;
+            }
+            *record = ToolTelemetry {
+                device: device as u8,
+                state: tool.state(),
+                contacts: tool.tool().contacts().len() as u8,
+                sequence: tool.tool().sequence(),
+                age_ns: tool.age_ns(now_ns),
+                trust: tool.trust(),
+                proxy: tool.tool().proxy(),
+                force: tool.tool().force(),
+                withheld: tool.withheld(),
+                energy: EnergyAccount::default(),
+            };
+        }
     }
 
     /// Passes credit between bodies whose contacts passed energy on.
@@ -369,18 +450,20 @@ impl Controller {
         }
     }
 
-    /// The third phase: limits the command for each device. If a limit reduces a wrench, the wrenches of the bodies are reduced
-    /// by the same part.
+    /// The third phase: limits the command for each device. If a limit reduces a wrench, the wrenches of the bodies and of the
+    /// tool are reduced by the same part.
     fn limit(&mut self, forces: &mut Forces, telemetry: &mut Telemetry) -> [Wrench; MAX_DEVICES] {
         let mut commands = [Wrench::zero(); MAX_DEVICES];
-        let (bodies, now_ns) = (self.couplings.len(), telemetry.time_ns);
+        let now_ns = telemetry.time_ns;
+        let by_tools = usize::from(!self.tools.is_empty());
+        let sources = self.couplings.len().saturating_add(by_tools);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
         for (channel, (command, record)) in self.channels.iter_mut().zip(outputs) {
             let (device, actuated) = (channel.device, channel.limiter.actuated());
             if let Freedom::Along(axes) = actuated {
                 // The mechanism carries the force along the other axes. No account may take that force as rendered.
                 let frame = &channel.frame;
-                let here = forces.iter_mut().take(bodies);
+                let here = forces.iter_mut().take(sources);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                     wrench.force = frame.rendered_along(axes, &wrench.force);
                 }
@@ -409,7 +492,7 @@ impl Controller {
                 rendered: force,
                 allowed,
             };
-            let here = forces.iter_mut().take(bodies);
+            let here = forces.iter_mut().take(sources);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;
                 wrench.moment *= moment;
@@ -429,7 +512,7 @@ impl Controller {
         commands
     }
 
-    /// The last phase: accounts for each body's energy, with the wrenches that its devices were finally commanded.
+    /// The last phase: accounts for the energy of each body and of each tool, with the wrenches that its devices were finally commanded.
     fn account(&mut self, forces: &Forces, telemetry: &mut Telemetry) {
         // Zeros: other numbers would be copied from memory in each tick.
         let mut passed = [Passed::NONE; MAX_DEVICES];
@@ -441,6 +524,13 @@ impl Controller {
         }
         for (coupling, record) in self.couplings.iter().zip(&mut telemetry.bodies) {
             record.energy = *coupling.energy();
+        }
+        let by_tools = forces.get(self.couplings.len());
+        for (tool, record) in self.tools.iter_mut().zip(&mut telemetry.tools) {
+            if let Some(held) = by_tools.and_then(|forces| forces.get(tool.device())) {
+                tool.hold(held);
+            }
+            record.energy = *tool.energy();
         }
     }
 
@@ -509,13 +599,23 @@ impl Controller {
     pub fn stray_models(&self) -> u64 {
         self.stray_models
     }
+
+    /// Number of patches that came for a device without a tool.
+    pub fn stray_patches(&self) -> u64 {
+        self.stray_patches
+    }
+
+    /// The tools, in the order of their devices.
+    pub fn tools(&self) -> impl Iterator<Item = &ToolCoupling> {
+        self.tools.iter().map(|tool| &**tool)
+    }
 }
 
 /// Poses and twists in the scene, by device.
 type Proxies = heapless::Vec<(Pose, Twist), MAX_DEVICES>;
 
-/// The wrench of each body on each proxy (scene axes).
-type Forces = [[Wrench; MAX_DEVICES]; MAX_BODIES];
+/// The wrench of each body on each proxy (scene axes), then that of each proxy's tool.
+type Forces = [[Wrench; MAX_DEVICES]; MAX_BODIES + 1];
 
 /// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {

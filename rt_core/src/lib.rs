@@ -11,7 +11,7 @@
 //! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
 //! Read [`controller`] first: it gives the order of a tick. Then read [`local_model`] (the publications of the host),
-//! [`coupling`] (from a model to a force) and [`safety`] (the limits of a command).
+//! [`coupling`] (from a model to a force), [`tool`] (from a surface to a force) and [`safety`] (the limits of a command).
 #![no_std]
 #![forbid(unsafe_code)]
 // The lints of the control law; `clippy.toml` lists what they forbid. The lints see only the source.

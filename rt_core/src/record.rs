@@ -21,6 +21,8 @@ pub struct TickRecord {
     pub proxies: [(Pose, Twist); MAX_DEVICES],
     /// Buttons, by device, one bit each.
     pub buttons: [u32; MAX_DEVICES],
+    /// The place of the tool on the surface (m, scene), by device; `None` for a device without a tool.
+    pub tools: [Option<Vec3>; MAX_DEVICES],
 }
 
 impl TickRecord {
@@ -32,6 +34,7 @@ impl TickRecord {
             device_count: 0,
             proxies: [(Pose::identity(), Twist::zero()); MAX_DEVICES],
             buttons: [0; MAX_DEVICES],
+            tools: [None; MAX_DEVICES],
         }
     }
 }
@@ -110,6 +113,49 @@ impl BodyTelemetry {
     }
 }
 
+/// One tool in a [`Telemetry`] record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolTelemetry {
+    /// The index of its device.
+    pub device: u8,
+    /// State of its coupling.
+    pub state: HostState,
+    /// Number of contacts within reach.
+    pub contacts: u8,
+    /// Sequence number of the patch in use; zero before the first.
+    pub sequence: u64,
+    /// Age of the newest patch (ns).
+    pub age_ns: u64,
+    /// Trust in the patch, from zero (safe hold) to one.
+    pub trust: f64,
+    /// The place of the tool on the surface (m, scene).
+    pub proxy: Vec3,
+    /// The force of the surface on the tool (N), before the cap and the trust.
+    pub force: Vec3,
+    /// The part of the force that the cap withholds.
+    pub withheld: Withheld,
+    /// Energy account of the hand since the start.
+    pub energy: EnergyAccount,
+}
+
+impl ToolTelemetry {
+    /// A tool before its first patch.
+    pub fn empty() -> Self {
+        Self {
+            device: 0,
+            state: HostState::Waiting,
+            contacts: 0,
+            sequence: 0,
+            age_ns: 0,
+            trust: 0.0,
+            proxy: Vec3::zeros(),
+            force: Vec3::zeros(),
+            withheld: Withheld::default(),
+            energy: EnergyAccount::default(),
+        }
+    }
+}
+
 /// Everything about one tick that the log keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Telemetry {
@@ -132,10 +178,14 @@ pub struct Telemetry {
     pub body_count: u8,
     /// The bodies, the first `body_count` in use.
     pub bodies: [BodyTelemetry; MAX_BODIES],
+    /// The number of entries of `tools` in use.
+    pub tool_count: u8,
+    /// The tools, the first `tool_count` in use.
+    pub tools: [ToolTelemetry; MAX_DEVICES],
 }
 
 impl Telemetry {
-    /// A record without devices or bodies.
+    /// A record without devices, bodies or tools.
     pub fn empty() -> Self {
         let (device, body) = (DeviceTelemetry::empty(), BodyTelemetry::empty());
         Self {
@@ -149,6 +199,8 @@ impl Telemetry {
             readings: [const { Err(DeviceError::NoReport) }; MAX_DEVICES],
             body_count: 0,
             bodies: [body; MAX_BODIES],
+            tool_count: 0,
+            tools: [ToolTelemetry::empty(); MAX_DEVICES],
         }
     }
 
@@ -167,6 +219,11 @@ impl Telemetry {
         self.bodies.iter().take(usize::from(self.body_count))
     }
 
+    /// The tools in use.
+    pub fn tools(&self) -> impl Iterator<Item = &ToolTelemetry> {
+        self.tools.iter().take(usize::from(self.tool_count))
+    }
+
     /// The record for the host.
     pub fn tick_record(&self) -> TickRecord {
         let mut record = TickRecord::empty();
@@ -180,6 +237,11 @@ impl Telemetry {
         {
             *proxy = (device.pose, device.twist);
             *buttons = device.buttons;
+        }
+        for tool in self.tools() {
+            if let Some(place) = record.tools.get_mut(usize::from(tool.device)) {
+                *place = Some(tool.proxy);
+            }
         }
         record
     }

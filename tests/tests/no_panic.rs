@@ -12,9 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The tick's entries, as `tests/no_panic/src/lib.rs` defines them.
-const ENTRIES: [&str; 7] = [
+const ENTRIES: [&str; 8] = [
     "law_accept",
     "law_accept_packed",
+    "law_accept_patch",
     "law_cycle",
     "law_record",
     "law_tool_accept",

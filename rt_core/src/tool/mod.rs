@@ -18,6 +18,7 @@
 //! **Overlap.** If the surface comes to where the tool is, they part at a bounded speed ([`ToolConfig::parting`]).
 
 mod contacts;
+mod coupling;
 mod nearest;
 mod normal;
 mod patch;
@@ -30,6 +31,7 @@ use crate::publication::Publication;
 use contacts::{Contacts, Lengths, Places, Yielding, are_clear, find, loads, settle, solve};
 
 pub use contacts::Contact;
+pub use coupling::{ToolCounters, ToolCoupling, ToolCouplingConfig};
 pub use patch::{Compliance, PackedPatch, Patch, PatchFault, PatchHead, Site, Triangle};
 
 /// Largest number of sites in a patch.
@@ -312,6 +314,26 @@ impl Tool {
     pub fn force(&self) -> Vec3 {
         let forces = self.contacts.iter().map(Contact::force);
         forces.fold(Vec3::zeros(), |sum, force| sum + force)
+    }
+
+    /// The energy that the hand could get back (J): that of the surface under the contact forces, and that of the floor.
+    pub fn stored(&self) -> f64 {
+        if self.contacts.is_empty() {
+            return 0.0;
+        }
+        let force = self.force();
+        let mut sum = force.dot(&(self.patch.head.floor * force));
+        for (load, state) in loads(&self.contacts).iter().zip(&self.sites) {
+            // `W f - r`: the displacement by the contact forces, without the part that relaxes.
+            sum += load.dot(&(state.stretch - state.bias));
+        }
+        // Not `max`, which hides a number that is not one.
+        if sum < 0.0 { 0.0 } else { 0.5 * sum }
+    }
+
+    /// Number of the patch that was taken into use last; zero before the first.
+    pub fn sequence(&self) -> u64 {
+        self.patch.head.sequence
     }
 
     /// The centre of the tool on the surface (m); the origin before the first tick.

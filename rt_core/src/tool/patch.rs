@@ -118,6 +118,10 @@ pub enum PatchFault {
     Sites,
     /// The patch is not newer than the one in use, or its topology is older.
     Outdated,
+    /// The time of the patch lies in the future.
+    ToCome,
+    /// The device has no tool.
+    NoTool,
 }
 
 impl Head for PatchHead {

@@ -111,7 +111,13 @@ pub fn law_velocity(estimator: &mut VelocityEstimator, position: &Vec3) -> Vec3 
     estimator.update(position)
 }
 
-/// A patch of a surface comes in from a ring.
+/// A patch of a surface comes in from a ring: for any device. [`law_cycle`] uses it.
+#[unsafe(no_mangle)]
+pub fn law_accept_patch(law: &mut Controller, device: usize, patch: &PackedPatch<'_>) -> bool {
+    law.accept_patch(device, patch).is_ok()
+}
+
+/// The same for a tool alone.
 #[unsafe(no_mangle)]
 pub fn law_tool_accept(tool: &mut Tool, patch: &PackedPatch<'_>) -> bool {
     tool.accept(patch).is_ok()
