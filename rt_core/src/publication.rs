@@ -21,7 +21,7 @@ pub struct Extent {
 
 /// The numbers of a publication that belong to no row and to no block.
 pub trait Head: Copy + Debug {
-    /// The name of the kind, for people.
+    /// The name of the kind, for people: with what its number in a list is a number of.
     const NAME: &'static str;
     /// A row.
     type Row: Copy + Debug;

@@ -90,6 +90,8 @@ impl Observer for LogObserver {
                 let mut row = ModelRow::new(body, model);
                 log.write_record(row.stamp(), &mut row)
             }),
+            // Logs have no record of patches yet.
+            LogRecord::Patch(..) => {}
             LogRecord::Tick(telemetry) => {
                 self.write_frames();
                 while let Some((mut event, words)) = self.tears.next() {

@@ -24,7 +24,7 @@ pub(super) fn run(
     let mut sink = |record: LogRecord<'_>| {
         let time_ns = match &record {
             LogRecord::Tick(telemetry) => Some(telemetry.time_ns),
-            LogRecord::Model(..) => None,
+            LogRecord::Model(..) | LogRecord::Patch(..) => None,
         };
         observers.take(record);
         observers.drained();

@@ -42,6 +42,7 @@ fn devices_of_shipped_scenes_stay_on_their_axes_and_feel_the_body_there() {
                 assert!((freedom.part(&force) - force).norm() < 1e-15);
                 largest = largest.max(force.norm());
             }
+            LogRecord::Patch(..) => {}
             LogRecord::Model(_, model) => {
                 models += 1;
                 // The model that hands feel has no force, weight or stiffness across the axes.

@@ -31,6 +31,7 @@ impl Observer for Watcher {
                 seen.early += u64::from(used > Some(seen.models));
             }
             LogRecord::Model(..) => seen.models += 1,
+            LogRecord::Patch(..) => {}
         }
     }
 

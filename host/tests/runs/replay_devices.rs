@@ -136,6 +136,7 @@ fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
         log.records(|record| {
             let result = match record {
                 LogRecord::Tick(telemetry) => writer.write(telemetry),
+                LogRecord::Patch(..) => Ok(()),
                 LogRecord::Model(body, model) => {
                     let mut row = ModelRow::new(body, model);
                     writer.write_record(row.stamp(), &mut row)

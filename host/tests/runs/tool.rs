@@ -52,6 +52,7 @@ fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize,
     let (mut ticks, mut models) = (Vec::new(), Vec::new());
     let sink = |record: LogRecord<'_>| match record {
         LogRecord::Tick(telemetry) => ticks.push(*telemetry),
+        LogRecord::Patch(..) => {}
         LogRecord::Model(body, model) => models.push((usize::from(body), *model)),
     };
     Session::of(built).run(sink);

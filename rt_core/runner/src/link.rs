@@ -1,17 +1,18 @@
-//! The link between the tick and the host and log: wait-free rings of records of fixed size, and rings of models that
-//! pass the used part of a model ([`crate::packed_ring`]).
+//! The link between the tick and the host and log: wait-free rings of records of fixed size, and rings of models and patches that
+//! pass the part in use ([`crate::packed_ring`]).
 //!
 //! ```text
 //!              TickRecord            Telemetry
 //!   HostEnd <--------------- TickEnd ---------> LogEnd
 //!     |     ---------------->                     ^
 //!     |        LocalModel, one ring a body        |
+//!     |        Patch, one ring a device           |
 //!     +-------------------------------------------+
-//!              LocalModel, copies for the log
+//!              LocalModel and Patch, copies for the log
 //! ```
 //!
-//! The log needs every model that the tick used, for a replay. The host sends these models to the log, so they cost the
-//! tick nothing. A tick's record names the model in use by its sequence number.
+//! The log needs every model and every patch that the tick used, for a replay. The host sends these to the log, so they cost the
+//! tick nothing. A tick's record names the model or patch in use by its sequence number.
 //!
 //! Neither side ever waits for the other. The writer refuses and counts a record that finds the ring full. The reader
 //! finds the gap in the sequence and counts the gap, too. The capacity of each ring covers a stall (five seconds by
@@ -28,7 +29,8 @@ use crate::published::{Ends, Inlets, Outlet};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::local_model::{ModelHead, PackedModel};
 use rt_core::publication::Publication;
-use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Telemetry, TickRecord};
+use rt_core::tool::{MAX_SITES, PackedPatch, Patch, PatchHead};
+use rt_core::{LocalModel, MAX_BODIES, MAX_DEVICES, MAX_HANDLES, Telemetry, TickRecord};
 use rtrb::{Consumer, Producer};
 
 /// Sizes of the rings of a link.
@@ -36,13 +38,15 @@ use rtrb::{Consumer, Producer};
 pub struct LinkConfig {
     /// Rate of the tick (Hz).
     pub tick_rate: f64,
-    /// Rate at which the host publishes local models of one body (Hz).
+    /// Rate at which the host publishes local models of one body, and patches of one tool (Hz).
     pub publish_rate: f64,
     /// Number of connected bodies, of which at most [`MAX_BODIES`] get a ring.
     pub bodies: usize,
     /// Largest number of handles of a body for which the rings have room in every slot, at most [`MAX_HANDLES`]. A body
     /// has at most one handle for each device of its scene.
     pub handles: usize,
+    /// The devices that have a tool, and so get a ring of patches.
+    pub tools: [bool; MAX_DEVICES],
     /// Duration of a stall of either side before a record is refused (s).
     pub stall: f64,
 }
@@ -51,20 +55,21 @@ impl LinkConfig {
     /// Stall that the rings cover by default (s).
     pub const STALL: f64 = 5.0;
 
-    /// The configuration for one body, with the default stall. Rates in Hz.
+    /// The configuration for one body and no tool, with the default stall. Rates in Hz.
     pub fn new(tick_rate: f64, publish_rate: f64) -> Self {
         Self {
             tick_rate,
             publish_rate,
             bodies: 1,
             handles: MAX_HANDLES,
+            tools: [false; MAX_DEVICES],
             stall: Self::STALL,
         }
     }
 }
 
-/// Makes the rings. Allocates and maps all their memory: at 1 kHz about 19 MB, and for each body per 10 Hz of publication
-/// rate 0.03 MB with one handle, 0.1 MB with two, 0.5 MB with four and 2 MB with eight.
+/// Makes the rings. Allocates and maps all their memory: at 1 kHz about 28 MB, and for each body per 10 Hz of publication
+/// rate 0.03 MB with one handle, 0.1 MB with two, 0.5 MB with four and 2 MB with eight; for each tool 1 MB.
 ///
 /// ```
 /// use rt_core::{LocalModel, Telemetry};
@@ -96,24 +101,34 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let (to_log, telemetry, used) = prefaulted(ticks, Telemetry::empty());
     memory.extend(used);
     let most = ModelHead::extent_of(config.handles.clamp(1, MAX_HANDLES));
-    let models = Ends::new(config.bodies.min(MAX_BODIES), models, most);
+    let tools = config
+        .tools
+        .map(|has_tool| if has_tool { models } else { 0 });
+    let patches = Ends::new(tools.into_iter(), PatchHead::extent_of(MAX_SITES));
+    memory.extend(patches.memory);
+    let bodies = std::iter::repeat_n(models, config.bodies.min(MAX_BODIES));
+    let models = Ends::new(bodies, most);
     memory.extend(models.memory);
     let tick = TickEnd {
         to_host,
         to_log,
         models: models.tick,
+        patches: patches.tick,
         counters: TickCounters::default(),
         memory,
     };
     let host = HostEnd {
         records: from_tick,
         models: models.host,
+        patches: patches.host,
         sequence: Sequence::from(0),
     };
     let log = LogEnd {
         telemetry,
         models: models.log,
+        patches: patches.log,
         model: Box::new(LocalModel::empty()),
+        patch: Box::new(Patch::empty()),
         sequence: Sequence::from(0),
     };
     (tick, host, log)
@@ -130,6 +145,10 @@ pub struct TickCounters {
     pub lost_models: u64,
     /// Models that arrived together with a newer model of the same body, and were skipped.
     pub superseded_models: u64,
+    /// Published patches that never arrived (gaps in their sequence), over all tools.
+    pub lost_patches: u64,
+    /// Patches that arrived together with a newer patch of the same tool, and were skipped.
+    pub superseded_patches: u64,
 }
 
 /// The tick's end.
@@ -138,6 +157,7 @@ pub struct TickEnd {
     to_host: Producer<TickRecord>,
     to_log: Producer<Telemetry>,
     models: Inlets<ModelHead>,
+    patches: Inlets<PatchHead>,
     counters: TickCounters,
     memory: Vec<MemoryRange>,
 }
@@ -159,9 +179,17 @@ impl TickEnd {
         self.models.take(accept);
     }
 
+    /// Calls `accept` with the index of each device whose tool has a new patch, and with the newest one, as
+    /// [`Self::take_models`] does.
+    pub fn take_patches(&mut self, accept: impl FnMut(usize, &PackedPatch<'_>)) {
+        self.patches.take(accept);
+    }
+
     /// The counts since the start.
     pub fn counters(&self) -> TickCounters {
         TickCounters {
+            lost_patches: self.patches.lost(),
+            superseded_patches: self.patches.superseded(),
             lost_models: self.models.lost(),
             superseded_models: self.models.superseded(),
             ..self.counters
@@ -194,6 +222,7 @@ impl TickEnd {
 pub struct HostEnd {
     records: Consumer<TickRecord>,
     models: Outlet<ModelHead>,
+    patches: Outlet<PatchHead>,
     sequence: Sequence,
 }
 
@@ -229,9 +258,26 @@ impl HostEnd {
         self.models.publish(body, model)
     }
 
+    /// Publishes a patch for the tool of a device, as [`Outlet::publish`] says.
+    ///
+    /// # Errors
+    /// [`RingFull`] if the patch finds no place.
+    pub fn publish_patch(
+        &mut self,
+        device: usize,
+        patch: &impl Publication<Head = PatchHead>,
+    ) -> Result<(), RingFull> {
+        self.patches.publish(device, patch)
+    }
+
     /// Number of ticks whose record never arrived.
     pub fn lost_records(&self) -> u64 {
         self.sequence.lost()
+    }
+
+    /// Number of patches that were refused.
+    pub fn refused_patches(&self) -> u64 {
+        self.patches.refused()
     }
 
     /// Number of models that were refused.
@@ -239,9 +285,9 @@ impl HostEnd {
         self.models.refused()
     }
 
-    /// Number of models whose copy for the log found the ring full.
+    /// Number of models and patches whose copy for the log found the ring full.
     pub fn refused_copies(&self) -> u64 {
-        self.models.refused_copies()
+        self.models.refused_copies() + self.patches.refused_copies()
     }
 
     /// Whether the tick's end is gone, because the loop has ended. Its last records may still wait.
@@ -258,6 +304,8 @@ pub enum LogRecord<'a> {
     /// A model that was published for the body of this index, whether the tick used or skipped the model. Only its used
     /// part is that of the published model.
     Model(u8, &'a LocalModel),
+    /// A patch that was published for the tool of the device of this index. Only its used part is that of the published patch.
+    Patch(u8, &'a Patch),
 }
 
 /// The log's end.
@@ -265,14 +313,16 @@ pub enum LogRecord<'a> {
 pub struct LogEnd {
     telemetry: Consumer<Telemetry>,
     models: PackedReader<ModelHead>,
-    /// The model that is being read.
+    patches: PackedReader<PatchHead>,
+    /// The model and the patch that are being read.
     model: Box<LocalModel>,
+    patch: Box<Patch>,
     sequence: Sequence,
 }
 
 impl LogEnd {
     /// Calls `see` with the telemetry of every tick that has arrived, oldest first; returns the number of ticks. Models
-    /// are discarded.
+    /// and patches are discarded.
     pub fn drain(&mut self, mut see: impl FnMut(&Telemetry)) -> usize {
         self.records(|record| {
             if let LogRecord::Tick(telemetry) = record {
@@ -281,15 +331,20 @@ impl LogEnd {
         })
     }
 
-    /// Calls `see` with every record that has arrived: first the models, then the telemetry of the ticks, each oldest
-    /// first. A model always precedes the ticks that used the model. Returns the number of ticks.
+    /// Calls `see` with every record that has arrived: first the models, then the patches, then the telemetry of the ticks, each
+    /// oldest first. A model or patch always precedes the ticks that used it. Returns the number of ticks.
     pub fn records(&mut self, mut see: impl FnMut(LogRecord<'_>)) -> usize {
-        // The ticks are counted before the models are read, so the models that these ticks used have arrived by then.
+        // The ticks are counted before the models and patches are read, so those that these ticks used have arrived by then.
         let ticks = self.telemetry.slots();
         let model = &mut *self.model;
         self.models.drain(|body, packed| {
             model.copy_used_from(packed);
             see(LogRecord::Model(body, model));
+        });
+        let patch = &mut *self.patch;
+        self.patches.drain(|device, packed| {
+            patch.copy_used_from(packed);
+            see(LogRecord::Patch(device, patch));
         });
         let sequence = &mut self.sequence;
         drain_up_to(ticks, &mut self.telemetry, |record| {

@@ -1,4 +1,4 @@
-//! Publications of one kind on a link: a ring for each body from the host to the tick, and copies for the log.
+//! Publications of one kind on a link: a ring for each body or tool from the host to the tick, and copies for the log.
 //!
 //! A link has one [`Outlet`], one [`Inlets`] and one reader for each kind of publication.
 
@@ -9,15 +9,15 @@ use rt_core::publication::{Extent, Head, Packed, Publication};
 /// The error for a publication that found no place. The tick continues with the previous one; so should the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the {kind} of body {body} was not published: its ring has {capacity} places, and all of them are taken (a ring \
+    "the {kind} {body} was not published: its ring has {capacity} places, and all of them are taken (a ring \
      without places does not exist)"
 )]
 pub struct RingFull {
-    /// The name of the kind of publication.
+    /// The name of the kind of publication, and of what the index is one.
     pub kind: &'static str,
-    /// Index of the body.
+    /// Index of the body, or of the device.
     pub body: usize,
-    /// Capacity of the ring in publications; zero if the link has no such body.
+    /// Capacity of the ring in publications; zero if the link has no such body, or no tool for the device.
     pub capacity: usize,
 }
 
@@ -35,17 +35,21 @@ pub struct Ends<H: Head> {
 }
 
 impl<H: Head> Ends<H> {
-    /// The rings of `bodies`, each with `slots` places for publications of up to `most` parts.
-    pub fn new(bodies: usize, slots: usize, most: Extent) -> Self {
+    /// A ring for each body or device, with this number of slots for publications of up to `most` parts. A ring without slots
+    /// takes no memory and refuses all.
+    pub fn new(slots: impl Iterator<Item = usize>, most: Extent) -> Self {
         let (mut to_tick, mut inlets, mut memory) = (Vec::new(), Vec::new(), Vec::new());
-        for _ in 0..bodies {
+        let mut copies = 0;
+        for slots in slots {
+            copies += slots;
+            let most = if slots > 0 { most } else { Extent::default() };
             let ((writer, reader), used) = prefaulted_packed_ring(slots, most);
             memory.extend(used);
             to_tick.push(writer);
             inlets.push(reader);
         }
         // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
-        let (copies, log) = packed_ring(slots * bodies, most);
+        let (copies, log) = packed_ring(copies, most);
         let host = Outlet {
             to_tick,
             copies,

@@ -78,7 +78,7 @@ impl TickLoop {
         self.timed(now_ns.into(), || 0)
     }
 
-    /// Runs one tick: takes the newest local models, reads the devices, computes and writes the wrenches, and sends the
+    /// Runs one tick: takes the newest local models and patches, reads the devices, computes and writes the wrenches, and sends the
     /// record to host and log. `took` is called just before the wrenches are written and returns the time since the tick
     /// woke (ns). In the record, `tick` is the number of earlier ticks.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
@@ -87,8 +87,11 @@ impl TickLoop {
         crate::mutation::strike(self.ticks);
         let controller = &mut self.controller;
         self.end.take_models(|body, model| {
-            // The controller counts the models that it refuses, by reason.
+            // The controller counts what it refuses, by reason.
             let _ = controller.accept(body, model);
+        });
+        self.end.take_patches(|device, patch| {
+            let _ = controller.accept_patch(device, patch);
         });
         let times = &mut self.latencies.devices;
         let mut last = 0;

@@ -1,7 +1,8 @@
 //! The rings: order, refusals, gaps, the newest of many, peers that leave, and capacities.
 
 use proptest::prelude::*;
-use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Mat6, Telemetry, Vec3};
+use rt_core::tool::{Patch, Triangle};
+use rt_core::{LocalModel, MAX_BODIES, MAX_DEVICES, MAX_HANDLES, Mat6, Telemetry, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, LogRecord, RingFull, TickEnd, link};
 use runner::ring::slots_for;
 
@@ -222,7 +223,7 @@ fn a_refused_model_is_named_counted_and_missed() {
         assert_eq!(
             host.publish(0, &model(sequence)),
             Err(RingFull {
-                kind: "local model",
+                kind: "local model of body",
                 body: 0,
                 capacity: 3
             })
@@ -231,7 +232,7 @@ fn a_refused_model_is_named_counted_and_missed() {
     assert_eq!(
         host.publish(7, &model(1)),
         Err(RingFull {
-            kind: "local model",
+            kind: "local model of body",
             body: 7,
             capacity: 0
         })
@@ -355,13 +356,16 @@ fn records_cross_threads_whole_and_in_order() {
     assert_eq!(host.lost_records(), refused - tail);
 }
 
-/// A number for each record; models have negative numbers.
+/// A number for each record; models and patches have negative numbers.
 fn numbers(log: &mut LogEnd) -> Vec<i64> {
     let mut seen = Vec::new();
     log.records(|record| {
         seen.push(match record {
             LogRecord::Model(body, model) => {
                 -((100 * u64::from(body) + model.head.sequence) as i64)
+            }
+            LogRecord::Patch(device, patch) => {
+                -((1000 + 100 * u64::from(device) + patch.head.sequence) as i64)
             }
             LogRecord::Tick(telemetry) => telemetry.tick as i64,
         });
@@ -446,4 +450,93 @@ fn a_model_that_is_larger_than_the_rings_is_taken_whole_or_refused() {
     assert_eq!(taken(&mut host, 1, 2), (true, Some(true)));
     assert_eq!(taken(&mut host, 2, 3), (false, None));
     assert_eq!(taken(&mut host, 3, 1), (true, Some(true)));
+}
+
+/// Room for three patches for each of the tools on devices 1 and 3.
+fn with_tools() -> (TickEnd, HostEnd, LogEnd) {
+    let mut rates = LinkConfig {
+        stall: 1.0,
+        ..LinkConfig::new(4.0, 2.0)
+    };
+    (rates.tools[1], rates.tools[3]) = (true, true);
+    link(&rates)
+}
+
+/// A patch of this number of sites. Each of its parts tells the patch and the place of the part.
+fn patch(sequence: u64, sites: u8) -> Patch {
+    let mut patch = Patch::empty();
+    patch.head.sequence = sequence;
+    (patch.head.site_count, patch.head.triangle_count) = (sites, 1);
+    patch.head.triangles[0] = Triangle {
+        corners: [0, 1, 2],
+        friction: sequence as f64,
+    };
+    let tell = |place: usize| sequence as f64 + 0.001 * place as f64;
+    for (i, site) in patch.sites.iter_mut().enumerate().take(sites.into()) {
+        site.place = Vec3::repeat(tell(i));
+        for (j, block) in patch.compliance[i]
+            .iter_mut()
+            .enumerate()
+            .take(sites.into())
+        {
+            block.fill(tell(20 * i + j));
+        }
+    }
+    patch
+}
+
+#[test]
+fn one_take_gives_the_newest_patch_of_each_tool_whole() {
+    let (mut tick, mut host, mut log) = with_tools();
+    for (sequence, sites) in [(1, 16), (2, 3), (3, 7)] {
+        assert_eq!(host.publish_patch(1, &patch(sequence, sites)), Ok(()));
+    }
+    assert_eq!(host.publish_patch(3, &patch(1, 16)), Ok(()));
+    let mut taken = Vec::new();
+    tick.take_patches(|device, packed| {
+        let mut found = Patch::empty();
+        found.copy_used_from(packed);
+        taken.push((device, found));
+    });
+    let expected =
+        Vec::from_iter([(1, 3, 7), (3, 1, 16)].map(|(device, k, n)| (device, patch(k, n))));
+    assert!(taken == expected);
+    let counters = tick.counters();
+    assert_eq!((counters.superseded_patches, counters.lost_patches), (2, 0));
+    assert_eq!((counters.superseded_models, counters.lost_models), (0, 0));
+    tick.take_patches(|_, _| panic!("all have been let go"));
+    // A gap in the numbers shows, of this tool alone.
+    assert_eq!(host.publish_patch(1, &patch(6, 0)), Ok(()));
+    tick.take_patches(|device, packed| assert_eq!((device, packed.head.sequence), (1, 6)));
+    assert_eq!(tick.counters().lost_patches, 2);
+    tick.push(&telemetry(0));
+    assert_eq!(numbers(&mut log), [-1101, -1102, -1103, -1301, -1106, 0]);
+}
+
+#[test]
+fn a_patch_without_a_place_is_refused_and_counted() {
+    let (mut tick, mut host, log) = with_tools();
+    for sequence in 1..=3 {
+        assert_eq!(host.publish_patch(1, &patch(sequence, 16)), Ok(()));
+    }
+    for (device, capacity) in [(1, 3), (0, 0), (2, 0), (MAX_DEVICES, 0)] {
+        let full = RingFull {
+            kind: "patch of device",
+            body: device,
+            capacity,
+        };
+        assert_eq!(host.publish_patch(device, &patch(4, 16)), Err(full));
+    }
+    assert_eq!((host.refused_patches(), host.refused_models()), (4, 0));
+    // The other tool has its own ring.
+    assert_eq!(host.publish_patch(3, &patch(1, 16)), Ok(()));
+    let mut taken = Vec::new();
+    tick.take_patches(|device, packed| taken.push((device, packed.head.sequence)));
+    assert_eq!(taken, [(1, 3), (3, 1)]);
+    drop(log);
+    assert_eq!(host.publish_patch(1, &patch(5, 16)), Ok(()));
+    // A link without tools refuses all patches.
+    let (mut tick, mut host, _log) = small();
+    assert!(host.publish_patch(0, &patch(1, 1)).is_err());
+    tick.take_patches(|_, _| panic!("there is none"));
 }

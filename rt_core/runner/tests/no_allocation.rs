@@ -3,7 +3,7 @@
 mod common;
 
 use alloc_count::calls::{Counting, count};
-use common::{Trick, controller, puppet, pushing};
+use common::{Trick, controller, floor, puppet, pushing};
 use rt_core::TickTime;
 use runner::latency::recorder;
 use runner::link::{LinkConfig, link};
@@ -15,10 +15,11 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn no_tick_allocates_whatever_the_rings_hold() {
-    let config = LinkConfig {
+    let mut config = LinkConfig {
         stall: 0.05,
         ..LinkConfig::new(1000.0, 100.0)
     };
+    config.tools[0] = true;
     let (tick, mut host, _log) = link(&config);
     let mut tick_loop = TickLoop::new(controller(1), vec![puppet(Trick::None).0], tick);
     let (mut tick_time, reader) = recorder(1_000_000_000);
@@ -29,6 +30,7 @@ fn no_tick_allocates_whatever_the_rings_hold() {
         for _ in 0..k % 3 {
             sequence += 1;
             let _ = host.publish(0, &pushing(sequence, now + sequence % 2));
+            let _ = host.publish_patch(0, &floor(sequence, now + sequence % 2));
         }
         let found = count(|| {
             let time = TickTime {
@@ -45,7 +47,10 @@ fn no_tick_allocates_whatever_the_rings_hold() {
     }
     let counters = tick_loop.end.counters();
     assert!(counters.refused_records > 0 && counters.refused_telemetry > 0);
-    assert!(counters.superseded_models > 0);
+    assert!(counters.superseded_models > 0 && counters.superseded_patches > 0);
+    // The handle stays at the origin, where the tool comes to press on the floor.
+    let tool = tick_loop.controller.tools().next().expect("a tool");
+    assert!(tool.counters().accepted > 300 && tool.tool().force().z > 0.9);
     assert!(reader.read().overflow() > 0);
     assert_eq!(tick_loop.ticks, 1000);
 }

@@ -20,7 +20,7 @@ type Contact = (Vec3, Vec3);
 type Compliance = [f64; 3];
 
 impl Head for ContactHead {
-    const NAME: &'static str = "contact of a tool";
+    const NAME: &'static str = "contact of a tool of body";
     type Row = Contact;
     type Block = Compliance;
 
@@ -154,7 +154,7 @@ fn contacts_have_ends_of_their_own() {
         mut tick,
         mut log,
         ..
-    } = Ends::<ContactHead>::new(2, 2, most);
+    } = Ends::<ContactHead>::new([2, 2].into_iter(), most);
     assert_eq!(tick.bodies(), 2);
     for (body, number) in [(0, 1), (1, 1), (0, 2)] {
         assert_eq!(host.publish(body, &of(number, 3, 2)), Ok(()));

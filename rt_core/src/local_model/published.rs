@@ -69,7 +69,7 @@ impl ModelHead {
 }
 
 impl Head for ModelHead {
-    const NAME: &'static str = "local model";
+    const NAME: &'static str = "local model of body";
     type Row = HandleReference;
     type Block = Mat6;
 

@@ -89,6 +89,14 @@ impl PatchHead {
         }
     }
 
+    /// The extent of a patch of `sites` sites.
+    pub fn extent_of(sites: usize) -> Extent {
+        Extent {
+            rows: sites,
+            blocks: sites.saturating_mul(sites),
+        }
+    }
+
     /// The triangles in use.
     pub fn triangles(&self) -> impl Iterator<Item = &Triangle> {
         self.triangles.iter().take(usize::from(self.triangle_count))
@@ -125,7 +133,7 @@ pub enum PatchFault {
 }
 
 impl Head for PatchHead {
-    const NAME: &'static str = "patch";
+    const NAME: &'static str = "patch of device";
     type Row = Site;
     type Block = Mat3;
 
@@ -138,11 +146,7 @@ impl Head for PatchHead {
     }
 
     fn extent(&self) -> Extent {
-        let rows = usize::from(self.site_count).min(MAX_SITES);
-        Extent {
-            rows,
-            blocks: rows.saturating_mul(rows),
-        }
+        Self::extent_of(usize::from(self.site_count).min(MAX_SITES))
     }
 }
 

@@ -315,6 +315,8 @@ impl LogTail {
                 model.head.time_ns,
                 ModelRow::new(body, model).message(),
             ),
+            // Logs have no record of patches yet.
+            LogRecord::Patch(..) => return,
         };
         self.push(topic, time_ns, data);
     }

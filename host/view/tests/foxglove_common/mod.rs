@@ -136,6 +136,7 @@ impl Observer for Keep {
                 model.head.time_ns,
                 ModelRow::new(body, model).message(),
             ),
+            LogRecord::Patch(..) => return,
         };
         let message = LogMessage {
             topic: topic.into(),

@@ -9,6 +9,7 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::local_model::ModelHead;
 use rt_core::safety::SafetyConfig;
+use rt_core::tool::{Patch, ToolConfig, ToolCouplingConfig};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, HandleReference, LocalModel,
     MAX_DEVICES, PassivityConfig, Scheme, Vec3, Wrench,
@@ -128,7 +129,7 @@ fn do_trick(trick: Trick, reads: u64) -> Option<Result<(), Errno>> {
     None
 }
 
-/// A controller for `devices` devices and one body, at 1 kHz.
+/// A controller for `devices` devices, each with a tool, and one body, at 1 kHz.
 pub(crate) fn controller(devices: usize) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..devices {
@@ -158,7 +159,42 @@ pub(crate) fn controller(devices: usize) -> Controller {
         passivity: PassivityConfig::new(1e-3),
     };
     assert!(config.bodies.push(body).is_ok());
+    let tool = ToolCouplingConfig {
+        tool: ToolConfig {
+            radius: 5e-3,
+            period: 1e-3,
+            stiffest: 1e3,
+            most_damping: 10.0,
+            parting: 0.02,
+        },
+        age_limit: 1000.0,
+        decay: 0.1,
+        recovery: 0.01,
+        hold_damping: 1.0,
+        passivity: PassivityConfig::new(1e-3),
+    };
+    for place in config.tools.iter_mut().take(devices) {
+        *place = Some(tool);
+    }
     Controller::new(&config)
+}
+
+/// A patch of an obstacle on which a ball of the tool at the origin rests, 1 mm deep.
+pub(crate) fn floor(sequence: u64, time_ns: u64) -> Patch {
+    let mut patch = Patch::empty();
+    (patch.head.sequence, patch.head.time_ns) = (sequence, time_ns);
+    (patch.head.site_count, patch.head.triangle_count) = (3, 1);
+    patch.head.period = 0.01;
+    patch.head.triangles[0].corners = [0, 1, 2];
+    patch.head.floor.fill_diagonal(1e-3);
+    for (site, place) in patch
+        .sites
+        .iter_mut()
+        .zip([[-0.1, -0.1], [0.1, -0.1], [0.0, 0.1]])
+    {
+        site.place = Vec3::new(place[0], place[1], -4e-3);
+    }
+    patch
 }
 
 /// A model of one handle that pushes with one newton along x at every pose.

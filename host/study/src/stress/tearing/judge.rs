@@ -173,7 +173,7 @@ impl Judge {
             LogRecord::Model(_, model) if model.piece_count() > 1 => {
                 self.coming.push(ModelPieces::of(model));
             }
-            LogRecord::Model(..) => {}
+            LogRecord::Model(..) | LogRecord::Patch(..) => {}
             LogRecord::Tick(telemetry) => self.account(telemetry),
         }
     }
