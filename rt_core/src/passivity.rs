@@ -171,6 +171,12 @@ pub(crate) struct Balance {
 }
 
 impl Withheld {
+    /// No force.
+    pub(crate) const NONE: Self = Self {
+        force: 0.0,
+        of: 0.0,
+    };
+
     /// Whether a hand can notice the withheld force.
     pub fn is_noticeable(&self) -> bool {
         is_noticeable(self.force, self.of)
@@ -178,6 +184,19 @@ impl Withheld {
 }
 
 impl EnergyAccount {
+    /// No energy.
+    pub(crate) const NONE: Self = Self {
+        supplied: 0.0,
+        raised: 0.0,
+        least: 0.0,
+        initial: 0.0,
+        received: 0.0,
+        stored: 0.0,
+        credited: 0.0,
+        available: 0.0,
+        capped: 0,
+    };
+
     /// Energy that the rendered body has dissipated (J): supplied or received, but neither stored nor raised. A value below zero
     /// means that energy was generated.
     ///

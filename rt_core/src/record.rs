@@ -140,7 +140,7 @@ pub struct ToolTelemetry {
 
 impl ToolTelemetry {
     /// A tool before its first patch.
-    pub fn empty() -> Self {
+    pub const fn empty() -> Self {
         Self {
             device: 0,
             state: HostState::Waiting,
@@ -148,10 +148,10 @@ impl ToolTelemetry {
             sequence: 0,
             age_ns: 0,
             trust: 0.0,
-            proxy: Vec3::zeros(),
-            force: Vec3::zeros(),
-            withheld: Withheld::default(),
-            energy: EnergyAccount::default(),
+            proxy: Vec3::new(0.0, 0.0, 0.0),
+            force: Vec3::new(0.0, 0.0, 0.0),
+            withheld: Withheld::NONE,
+            energy: EnergyAccount::NONE,
         }
     }
 }
@@ -200,7 +200,7 @@ impl Telemetry {
             body_count: 0,
             bodies: [body; MAX_BODIES],
             tool_count: 0,
-            tools: [ToolTelemetry::empty(); MAX_DEVICES],
+            tools: [const { ToolTelemetry::empty() }; MAX_DEVICES],
         }
     }
 
