@@ -217,8 +217,8 @@ fn place(corners: [u8; 3], sites: &[Vec3; MAX_SITES]) -> Option<[Vec3; 3]> {
 
 /// Adds a contact, if it is not the same point as another, and if there is room or a contact without force that is further away.
 fn insert(found: &mut Contacts, contact: Contact, radius: f64) {
-    let mut others = found.iter();
-    if others.any(|other| (other.foot - contact.foot).norm() < ONE * radius) {
+    let (mut others, same) = (found.iter(), ONE * radius);
+    if others.any(|other| (other.foot - contact.foot).norm_squared() < same * same) {
         return;
     }
     let mut idle = found.iter().filter(|other| other.normal_force == 0.0);
