@@ -307,7 +307,14 @@ impl Tool {
         settle(&mut self.contacts, &now);
         self.relax(&places);
         (self.proxy, self.places) = (Some(proxy), places);
-        self.force()
+        let force = self.force();
+        let sum = places.iter().fold(proxy + force, |sum, place| sum + place);
+        if sum.iter().all(|x| x.is_finite()) {
+            force
+        } else {
+            self.begin_again();
+            Vec3::zeros()
+        }
     }
 
     /// The force on the hand (N).
@@ -360,6 +367,22 @@ impl Tool {
     /// Number of patches that were refused.
     pub fn refused(&self) -> u64 {
         self.refused
+    }
+
+    /// Forgets the contacts and the stretch after an overflow, which must not outlive the patch that caused it.
+    #[cold]
+    fn begin_again(&mut self) {
+        self.contacts.clear();
+        (self.proxy, self.offset) = (None, Vec3::zeros());
+        let each = self.sites.iter_mut().zip(&mut self.places);
+        for ((state, place), site) in each.zip(&self.patch.sites) {
+            *state = SiteState {
+                stretch: state.bias,
+                bias: state.bias,
+                ..SiteState::ZERO
+            };
+            *place = site.place;
+        }
     }
 
     /// Whether the tool cannot meet the surface in a tick in which its centre moves from `before` to `centre`, if it has no

@@ -511,3 +511,52 @@ fn what_is_not_computed_far_from_the_surface_changes_no_force() {
     }
     assert!(most > 1.0 && shortcuts > 1000, "{most} {shortcuts}");
 }
+
+#[test]
+fn an_overflow_does_not_outlive_its_patch() {
+    for friction in [0.0, 0.3] {
+        overflow(&pad(4e-3, 1e-3, 3e-3, friction), friction == 0.0);
+    }
+}
+
+fn overflow(good: &Patch, is_smooth: bool) {
+    let hand = Vec3::new(0.3e-3, 0.2e-3, 4e-3);
+    let mut fresh = ball(5e-3);
+    fresh.accept(good).unwrap();
+    let expected = (0..1000).fold(Vec3::zeros(), |_, _| fresh.tick(&hand));
+    assert!(expected.z > 0.5);
+    // Numbers that are finite, and whose products are not.
+    let faults: [fn(&mut Patch); 4] = [
+        |patch| patch.compliance[5][6].fill(1e308),
+        |patch| patch.sites[5].force.z = -1e308,
+        |patch| patch.sites[6].velocity.fill(1e308),
+        |patch| patch.head.floor.fill(1e308),
+    ];
+    for (number, fault) in faults.iter().enumerate() {
+        let mut tool = ball(5e-3);
+        for (sequence, is_bad) in [(1, false), (2, true), (3, true), (4, false)] {
+            let mut patch = good.clone();
+            if is_bad {
+                patch.head.damping = 1e3;
+                fault(&mut patch);
+            }
+            patch.head.sequence = sequence;
+            tool.accept(&patch).unwrap();
+            for tick in 0..1000 {
+                let force = tool.tick(&hand);
+                assert!(
+                    force.iter().all(|x| x.is_finite()),
+                    "{number} {tick}: {force}"
+                );
+            }
+        }
+        let force = tool.force();
+        // What linearizations leave that start elsewhere; and friction, which remembers the way, from one side of its cone to the other.
+        let most = if is_smooth { 2e-3 } else { 0.6 };
+        assert!(
+            (force - expected).norm() < most * expected.norm(),
+            "{number}: {force} {expected}"
+        );
+        assert_eq!(tool.sequence(), 4);
+    }
+}
