@@ -75,7 +75,9 @@ pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
 pub use body::support::SupportSpec;
 pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, SolidLaw};
-pub use condense::{Around, Beside, Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
+pub use condense::{
+    Around, Beside, Condensed, Condenser, ShapeOptions, ShapeReport, Shapes, SiteCompliance,
+};
 pub use cost::Cost;
 pub use element::Elements;
 pub use element::precision::Precision;

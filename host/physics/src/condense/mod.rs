@@ -3,14 +3,17 @@
 //! - `condenser`: computes the shapes by a factorization of its own.
 //! - `shapes`: computes the shapes by iterations on a stepper's frozen factor, from the previous shapes.
 //! - `around`: what a body touches, in its shapes.
+//! - `compliance`: how the points of a surface yield to forces at each other.
 //! - `reduction`: computes the matrices between handles from either kind of shapes.
 
 mod around;
+mod compliance;
 mod condenser;
 mod reduction;
 mod shapes;
 
 pub use around::{Around, Beside};
+pub use compliance::SiteCompliance;
 pub use condenser::Condenser;
 pub use reduction::Condensed;
 pub use shapes::{ShapeOptions, ShapeReport, Shapes};

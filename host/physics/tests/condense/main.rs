@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod compliance;
 mod drift;
 mod perturbation;
 mod touching;

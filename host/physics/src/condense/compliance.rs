@@ -1,0 +1,386 @@
+//! The compliance of points of a surface: how far each one gives way to a force at each other.
+//!
+//! A tool in the tick presses on points of a body, the **sites**, and the body yields to it until the next publication. With `J`
+//! the rows of the sites and `A = M / t^2 + C / t + K` at the publication period `t`, the shapes of the sites are `U = A^-1 J^T`,
+//! and their values at the sites `S = J U`. The elastic compliance of the sites in the space of the shapes is
+//!
+//! ```text
+//! W = S (U^T K U)^-1 S
+//! ```
+//!
+//! It is the inverse of the stiffness to which `condenser` would condense the body if each site were a handle. It has no inertia
+//! and no damping, which a hand would feel as a spring. With the factors `a` of mass and `b` of stiffness in `A`,
+//! `U^T K U = (S - a U^T M U) / b`, so that no product with the elements is needed.
+//!
+//! **Loose bodies.** Inertia alone resists a rigid motion `R` of a body that nothing holds. The stiffness `U^T K U` has the
+//! inertia of one publication besides, `B (R^T M R)^-1 B^T / t^2` with `B = U^T M R`.
+//!
+//! The shapes are kept from one publication to the next, as those of handles are (`shapes`): a site that is new is computed at
+//! once, the others in turn.
+
+use super::shapes::{ShapeOptions, ShapeReport};
+use crate::body::Body;
+use crate::element::precision::Precision;
+use crate::error::CondenseError;
+use crate::lanes::{to_node, to_vec};
+use crate::linear::dense::Square;
+use crate::motion::stepper::{Limits, Solved, Stepper, StepperReport};
+use crate::{Mat3, Vec3};
+
+/// The least pivot of the stiffness of the shapes, as a fraction of its diagonal: what the iterations leave is no stiffness.
+const LEAST_PIVOT: f64 = 1e-6;
+/// The least number of iterations that the first computation of a shape may take.
+const FIRST_ITERATIONS: usize = 200;
+
+/// The products of a shape with the momenta of the rigid motions.
+type Rigid = nalgebra::Vector6<f64>;
+/// The inertia of the rigid motions.
+type Inertia = nalgebra::Matrix6<f64>;
+
+/// The compliance of the sites of a body, kept from one publication to the next.
+#[derive(Debug)]
+pub struct SiteCompliance {
+    epoch: u64,
+    period: f64,
+    /// The factors of mass and stiffness in `A`.
+    factors: (f64, f64),
+    nodes: usize,
+    sites: Vec<Site>,
+    next: usize,
+    /// The shapes, by column, then by node (m/N). A site has three columns.
+    shapes: Vec<Vec3>,
+    /// `S` and `U^T M U`.
+    values: Square,
+    mass: Square,
+    /// The columns of `B^T`.
+    rigid: Vec<Rigid>,
+    /// The Cholesky factor of the stiffness, and the solutions with it.
+    factor: Square,
+    solved: Square,
+    compliance: Square,
+    damping: f64,
+}
+
+/// A place in the list of sites.
+#[derive(Clone, Copy, Debug, Default)]
+struct Site {
+    node: Option<u32>,
+    /// The linearization of its shapes; `None` before their first computation.
+    state: Option<u64>,
+}
+
+impl SiteCompliance {
+    /// Room for this many sites.
+    pub fn new(sites: usize) -> Self {
+        let square = Square::zeros(3 * sites);
+        Self {
+            epoch: 0,
+            period: 0.0,
+            factors: (0.0, 0.0),
+            nodes: 0,
+            sites: vec![Site::default(); sites],
+            next: 0,
+            shapes: Vec::new(),
+            values: square.clone(),
+            mass: square.clone(),
+            rigid: vec![Rigid::zeros(); 3 * sites],
+            factor: square.clone(),
+            solved: square.clone(),
+            compliance: square,
+            damping: 0.0,
+        }
+    }
+
+    /// The displacement of a site by a force at another one (m/N), by their places in the list. Zero for a site that is held, and
+    /// for a place without a site.
+    ///
+    /// # Panics
+    /// For a place that is not in the list.
+    pub fn between(&self, one: usize, other: usize) -> Mat3 {
+        Mat3::from_fn(|row, column| self.compliance[(3 * one + row, 3 * other + column)])
+    }
+
+    /// The ratio of damping to stiffness (s), as one time: `tr(U^T C U) / tr(U^T K U)`.
+    pub fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// Computes the compliance of the `sites` of the body that `stepper` moves, after the last step, for publications every
+    /// `period` seconds. `sites` are nodes, or places without one. A node that stays at its place keeps its shapes. If the body
+    /// has a local model, that must have been made. The first call allocates.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`].
+    pub fn renew<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        period: f64,
+        sites: impl Iterator<Item = Option<u32>>,
+        options: &ShapeOptions,
+    ) -> Result<ShapeReport, CondenseError> {
+        if !(period > 0.0 && period.is_finite()) {
+            return Err(CondenseError::Period { found: period });
+        }
+        if !stepper.is_ready() || stepper.epoch != body.epoch() {
+            return Err(CondenseError::NotAssembled);
+        }
+        self.take(body, period, sites);
+        let state = stepper.elements.count;
+        let (count, mut report) = (self.sites.len(), ShapeReport::default());
+        let mut left = options.at_a_time;
+        for place in 0..count {
+            if self.sites[place].node.is_some() && self.sites[place].state.is_none() {
+                self.solve(stepper, body, place, options, &mut report);
+            }
+        }
+        let next = self.next;
+        for place in (0..count).map(|by| (next + by) % count) {
+            let Site { node, state: of } = self.sites[place];
+            if node.is_some() && of != Some(state) && left > 0 {
+                self.solve(stepper, body, place, options, &mut report);
+                (left, self.next) = (left - 1, place + 1);
+            }
+        }
+        self.combine(body);
+        Ok(report)
+    }
+
+    /// Takes the nodes of the sites. The shapes of other nodes, of another topology and of another period are forgotten.
+    fn take(&mut self, body: &Body, period: f64, sites: impl Iterator<Item = Option<u32>>) {
+        let nodes = body.state.x.len();
+        if (self.epoch, self.period, self.nodes) != (body.epoch(), period, nodes) {
+            (self.epoch, self.period, self.nodes) = (body.epoch(), period, nodes);
+            let config = &body.model.config;
+            self.factors = (
+                1.0 / (period * period) + config.mass_damping / period,
+                1.0 + config.stiffness_damping / period,
+            );
+            self.shapes.clear();
+            self.shapes
+                .resize(3 * self.sites.len() * nodes, Vec3::zeros());
+            self.sites.fill(Site::default());
+        }
+        let sites = sites.chain(core::iter::repeat(None));
+        for (place, node) in (0..self.sites.len()).zip(sites) {
+            if self.sites[place].node != node {
+                self.sites[place] = Site { node, state: None };
+                self.shapes[3 * place * nodes..3 * (place + 1) * nodes].fill(Vec3::zeros());
+                for column in 3 * place..3 * place + 3 {
+                    self.clear(column);
+                }
+            }
+        }
+    }
+
+    /// Forgets the products of a column.
+    fn clear(&mut self, column: usize) {
+        for other in 0..self.values.size() {
+            for at in [(column, other), (other, column)] {
+                (self.values[at], self.mass[at]) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// Computes the shapes of a site, and their products with all others.
+    fn solve<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        place: usize,
+        options: &ShapeOptions,
+        report: &mut ShapeReport,
+    ) {
+        let Site { node, state } = self.sites[place];
+        self.sites[place].state = Some(stepper.elements.count);
+        let Some(node) = node.filter(|node| stepper.is_free(*node)) else {
+            return;
+        };
+        let max_iterations = if state.is_none() {
+            options.max_iterations.max(FIRST_ITERATIONS)
+        } else {
+            options.max_iterations
+        };
+        let limits = Limits {
+            of: Solved::Shape,
+            uses_learned: true,
+            // The force that causes a shape is 1 N.
+            goal: options.tolerance,
+            start: options.tolerance,
+            max_iterations,
+        };
+        for column in 3 * place..3 * place + 3 {
+            let shape = &mut self.shapes[column * self.nodes..(column + 1) * self.nodes];
+            let found = stepper.response_to(node, column % 3, self.factors, limits, shape);
+            report.iterations += found.iterations;
+            report.residual = report.residual.max(found.residual);
+            report.renewed += 1;
+            self.multiply(body, column);
+        }
+    }
+
+    /// Computes the products of a column with all others.
+    fn multiply(&mut self, body: &Body, column: usize) {
+        let (nodes, mass) = (self.nodes, &body.model.mass);
+        let shape = &self.shapes[column * nodes..(column + 1) * nodes];
+        for (place, site) in self.sites.iter().enumerate() {
+            let Some(node) = site.node else { continue };
+            for axis in 0..3 {
+                let other = 3 * place + axis;
+                let its = &self.shapes[other * nodes..(other + 1) * nodes];
+                let value = shape[node as usize][axis];
+                let product = weighted(shape, its, mass);
+                for at in [(column, other), (other, column)] {
+                    (self.values[at], self.mass[at]) = (value, product);
+                }
+            }
+        }
+    }
+
+    /// Computes the compliance from the products.
+    fn combine(&mut self, body: &Body) {
+        let (a, b) = self.factors;
+        let size = self.values.size();
+        let [mut stored, mut inert] = [0.0; 2];
+        for j in 0..size {
+            for i in 0..size {
+                let stiffness = (self.values[(i, j)] - a * self.mass[(i, j)]) / b;
+                self.factor[(i, j)] = stiffness;
+                self.solved[(i, j)] = self.values[(i, j)];
+            }
+            stored += self.factor[(j, j)];
+            inert += self.mass[(j, j)];
+        }
+        let config = &body.model.config;
+        self.damping = config.stiffness_damping;
+        if stored > 0.0 {
+            self.damping += config.mass_damping * inert / stored;
+        }
+        if is_loose(body) {
+            self.add_inertia(body);
+        }
+        factorize(&mut self.factor);
+        for column in 0..size {
+            substitute(&self.factor, &mut self.solved, column);
+        }
+        for j in 0..size {
+            for i in 0..=j {
+                let rows = 0..size;
+                let sum = rows.map(|k| self.solved[(k, i)] * self.solved[(k, j)]);
+                let sum = sum.sum();
+                (self.compliance[(i, j)], self.compliance[(j, i)]) = (sum, sum);
+            }
+        }
+    }
+
+    /// Adds the inertia of a rigid motion over a publication to the stiffness.
+    fn add_inertia(&mut self, body: &Body) {
+        let (x, mass) = (&body.state.x, &body.model.mass);
+        let about = x.first().copied().unwrap_or_default();
+        let mut whole = Inertia::zeros();
+        for (x, mass) in x.iter().zip(mass) {
+            let mut motions = nalgebra::SMatrix::<f64, 3, 6>::zeros();
+            motions.fixed_columns_mut::<3>(0).fill_diagonal(1.0);
+            let arm = (about - x).cross_matrix();
+            motions.fixed_columns_mut::<3>(3).copy_from(&arm);
+            whole += motions.transpose() * motions * *mass;
+        }
+        let Some(whole) = whole.cholesky() else {
+            return;
+        };
+        for (column, rigid) in self.rigid.iter_mut().enumerate() {
+            let shape = &self.shapes[column * self.nodes..(column + 1) * self.nodes];
+            let (mut along, mut turned) = (Vec3::zeros(), Vec3::zeros());
+            for ((u, x), mass) in shape.iter().zip(x).zip(mass) {
+                let momentum = u * *mass;
+                along += momentum;
+                turned += (x - about).cross(&momentum);
+            }
+            *rigid = Rigid::new(along.x, along.y, along.z, turned.x, turned.y, turned.z);
+        }
+        let rate = 1.0 / (self.period * self.period);
+        for (j, own) in self.rigid.iter().enumerate() {
+            let product = whole.solve(own) * rate;
+            for (i, other) in self.rigid.iter().enumerate() {
+                self.factor[(i, j)] += other.dot(&product);
+            }
+        }
+    }
+}
+
+/// Whether nothing holds a body.
+fn is_loose(body: &Body) -> bool {
+    body.constraints.held_nodes().next().is_none() && body.constraints.supports.mask().is_none()
+}
+
+/// `sum m_i a_i . b_i`.
+fn weighted(a: &[Vec3], b: &[Vec3], mass: &[f64]) -> f64 {
+    let mut sum = Vec3::zeros();
+    for ((a, b), mass) in a.iter().zip(b).zip(mass) {
+        sum += a.component_mul(b) * *mass;
+    }
+    sum.sum()
+}
+
+/// Replaces a symmetric matrix by its lower Cholesky factor. A column without shape has a factor of one.
+fn factorize(matrix: &mut Square) {
+    let size = matrix.size();
+    for j in 0..size {
+        let own = matrix[(j, j)];
+        let mut pivot = own;
+        for k in 0..j {
+            pivot -= matrix[(j, k)] * matrix[(j, k)];
+        }
+        let pivot = if own > 0.0 {
+            pivot.max(LEAST_PIVOT * own).sqrt()
+        } else {
+            1.0
+        };
+        matrix[(j, j)] = pivot;
+        for i in j + 1..size {
+            let mut entry = matrix[(i, j)];
+            for k in 0..j {
+                entry -= matrix[(i, k)] * matrix[(j, k)];
+            }
+            matrix[(i, j)] = entry / pivot;
+        }
+    }
+}
+
+/// Replaces a column of `values` by its product with the inverse of a lower factor.
+fn substitute(factor: &Square, values: &mut Square, column: usize) {
+    for i in 0..factor.size() {
+        let mut value = values[(i, column)];
+        for k in 0..i {
+            value -= factor[(i, k)] * values[(k, column)];
+        }
+        values[(i, column)] = value / factor[(i, i)];
+    }
+}
+
+impl<T: Precision> Stepper<T> {
+    /// The displacement of all nodes (m) by a force of 1 N on a node along an axis, from the `shape` before.
+    fn response_to(
+        &mut self,
+        node: u32,
+        axis: usize,
+        factors: (f64, f64),
+        limits: Limits,
+        shape: &mut [Vec3],
+    ) -> StepperReport {
+        let (mass_factor, stiffness_factor) = factors;
+        for place in self.places.taken() {
+            let u = shape[self.places.node[place] as usize];
+            self.cg.u[place] = to_node(&u);
+            self.cg.residual[place] = to_node(&(u * (-mass_factor * self.places.mass[place])));
+        }
+        self.subtract_elements(stiffness_factor);
+        self.load(node, &Vec3::ith(axis, 1.0));
+        let found = self.iterate(factors, limits, &mut || false);
+        for place in self.places.taken() {
+            shape[self.places.node[place] as usize] = to_vec(&self.cg.u[place]);
+        }
+        found
+    }
+}

@@ -1,0 +1,190 @@
+//! The compliance of points of a surface is the inverse of the stiffness to which a body condenses onto them.
+
+use nalgebra::{SMatrix, SVector};
+use physics::mesh::TetMesh;
+use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Border, Condenser, Freedom, HandlePose, HandleSpec, ShapeOptions,
+    SiteCompliance, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+};
+
+const PERIOD: f64 = 1.0 / 60.0;
+/// The stiffness or the compliance of four points.
+type Matrix = SMatrix<f64, 12, 12>;
+
+fn mesh() -> TetMesh {
+    solid_box([0.06, 0.06, 0.03], [4, 4, 2]).unwrap()
+}
+
+/// The vertices of the upper side, or of the lower one if `sign` is negative.
+fn side(mesh: &TetMesh, sign: f64) -> Vec<u32> {
+    let most = mesh
+        .positions
+        .iter()
+        .map(|x| sign * x.z)
+        .fold(f64::MIN, f64::max);
+    let numbered = (0_u32..).zip(&mesh.positions);
+    let here = numbered.filter(|(_, x)| sign * x.z > most - 1e-9);
+    here.map(|(vertex, _)| vertex).collect()
+}
+
+fn spec(vertices: Vec<u32>, origin: Vec3, freedom: Freedom) -> HandleSpec {
+    HandleSpec {
+        vertices,
+        origin,
+        freedom,
+        border: Border::Hinged,
+    }
+}
+
+/// A soft block that is held below, or a stiff one that is loose, without weight and with a handle at each of these vertices.
+fn block(mesh: &TetMesh, is_held: bool, handles: &[u32]) -> Body {
+    let mut specs = Vec::new();
+    if is_held {
+        specs.push(spec(side(mesh, -1.0), Vec3::zeros(), Freedom::Fixed));
+    }
+    let at = |vertex: u32| mesh.positions[vertex as usize];
+    specs.extend(
+        (handles.iter()).map(|vertex| spec(vec![*vertex], at(*vertex), Freedom::Translation)),
+    );
+    let material = SolidMaterial {
+        young: if is_held { 3e4 } else { 1e7 },
+        poisson: 0.4,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        mass_damping: 3.0,
+        stiffness_damping: 5e-3,
+        ..BodyConfig::default()
+    };
+    Body::solid(mesh, &[material], SolidLaw::Corotational, config, &specs).unwrap()
+}
+
+/// Four vertices of the upper side, two of them neighbours.
+fn points(mesh: &TetMesh) -> [u32; 4] {
+    let upper = side(mesh, 1.0);
+    [0, 7, 12, 13].map(|number| upper[number])
+}
+
+/// The points as sites, with an empty place between them.
+fn sites(points: [u32; 4]) -> [Option<u32>; 5] {
+    let [a, b, c, d] = points.map(Some);
+    [a, None, b, c, d]
+}
+
+fn compliance(body: &mut Body, sites: &[Option<u32>]) -> SiteCompliance {
+    let mut stepper = Stepper::<f64>::new(body, StepperOptions::default()).unwrap();
+    let targets: Vec<HandlePose> = (0..body.handle_count())
+        .map(|_| HandlePose::at(Vec3::zeros()))
+        .collect();
+    stepper.step(body, 1e-3, &targets, &mut || false).unwrap();
+    let options = ShapeOptions {
+        tolerance: 1e-10,
+        max_iterations: 1000,
+        ..ShapeOptions::default()
+    };
+    let mut found = SiteCompliance::new(sites.len());
+    let sites = sites.iter().copied();
+    found
+        .renew(&mut stepper, body, PERIOD, sites, &options)
+        .unwrap();
+    found
+}
+
+/// The compliance of the points.
+fn between(found: &SiteCompliance) -> Matrix {
+    let places = [0, 2, 3, 4];
+    Matrix::from_fn(|i, j| found.between(places[i / 3], places[j / 3])[(i % 3, j % 3)])
+}
+
+/// The stiffness to which a body condenses onto its last four handles.
+fn condensed(body: &mut Body) -> Matrix {
+    body.assemble();
+    let mut condenser = Condenser::new(body).unwrap();
+    let found = condenser.condense(body, PERIOD).unwrap();
+    let first = body.handle_count() - 4;
+    let slot = |i: usize| 6 * (first + i / 3) + i % 3;
+    Matrix::from_fn(|i, j| found.raw_stiffness[(slot(i), slot(j))])
+}
+
+#[test]
+fn the_compliance_is_the_inverse_of_the_condensed_stiffness() {
+    let mesh = mesh();
+    let points = points(&mesh);
+    let found = compliance(&mut block(&mesh, true, &[]), &sites(points));
+    let stiffness = condensed(&mut block(&mesh, true, &points));
+    let left = between(&found) * stiffness - Matrix::identity();
+    // What the iterations leave, times the condition of the stiffness.
+    assert!(left.amax() < 1e-6, "{:e}", left.amax());
+    // The empty place has none.
+    assert_eq!(found.between(1, 1).norm() + found.between(1, 2).norm(), 0.0);
+}
+
+#[test]
+fn a_site_that_is_held_does_not_yield() {
+    let mesh = mesh();
+    let held = side(&mesh, -1.0).pop();
+    let [top, ..] = points(&mesh).map(Some);
+    let found = compliance(&mut block(&mesh, true, &[]), &[held, top]);
+    assert_eq!(found.between(0, 0).norm() + found.between(0, 1).norm(), 0.0);
+    assert!(found.between(1, 1).trace() > 0.0);
+}
+
+#[test]
+fn a_loose_body_resists_by_the_inertia_of_a_publication() {
+    let mesh = mesh();
+    let points = points(&mesh);
+    let mut body = block(&mesh, false, &[]);
+    let mass: f64 = body.node_masses().iter().sum();
+    let found = compliance(&mut body, &sites(points));
+    let inverse = between(&found).try_inverse().unwrap();
+    // The stiffness to which the body condenses lets a rigid motion pass. The compliance has the inertia instead.
+    let stiffness = condensed(&mut block(&mesh, false, &points));
+    for axis in 0..3 {
+        let shift = SVector::<f64, 12>::from_fn(|i, _| f64::from(u8::from(i % 3 == axis)));
+        let [energy, elastic] = [inverse, stiffness].map(|of| shift.dot(&(of * shift)));
+        let expected = mass / (PERIOD * PERIOD);
+        // A wave passes the block twenty times in a publication, so that the shapes deform by some thousandths.
+        assert!(elastic.abs() < 0.01 * expected, "{elastic:e} {expected}");
+        assert!(
+            (energy / expected - 1.0).abs() < 0.01,
+            "{energy} {expected}"
+        );
+    }
+}
+
+#[test]
+fn shapes_are_kept_while_nothing_changes_and_renewed_in_turn() {
+    let mesh = mesh();
+    let mut body = block(&mesh, true, &[]);
+    let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+    let target = [HandlePose::at(Vec3::zeros())];
+    stepper
+        .step(&mut body, 1e-3, &target, &mut || false)
+        .unwrap();
+    let options = ShapeOptions {
+        at_a_time: 1,
+        ..ShapeOptions::default()
+    };
+    let mut found = SiteCompliance::new(3);
+    let [a, b, c, d] = points(&mesh).map(Some);
+    let mut renewed = |body: &Body, stepper: &mut Stepper<f64>, sites: [Option<u32>; 3]| {
+        let sites = sites.into_iter();
+        let report = found.renew(stepper, body, PERIOD, sites, &options);
+        report.unwrap().renewed
+    };
+    assert_eq!(renewed(&body, &mut stepper, [a, b, c]), 9);
+    assert_eq!(renewed(&body, &mut stepper, [a, b, c]), 0);
+    // One is new.
+    assert_eq!(renewed(&body, &mut stepper, [a, d, c]), 3);
+    // The body moves on: one site at a time.
+    let target = [HandlePose::at(Vec3::new(1e-3, 0.0, 0.0))];
+    stepper
+        .step(&mut body, 1e-3, &target, &mut || false)
+        .unwrap();
+    let turns: Vec<usize> = (0..4)
+        .map(|_| renewed(&body, &mut stepper, [a, d, c]))
+        .collect();
+    assert_eq!(turns, [3, 3, 3, 0]);
+}
