@@ -77,6 +77,7 @@ pub use body::support::SupportSpec;
 pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, SolidLaw};
 pub use condense::{
     Around, Beside, Condensed, Condenser, ShapeOptions, ShapeReport, Shapes, SiteCompliance,
+    resultant,
 };
 pub use cost::Cost;
 pub use element::Elements;

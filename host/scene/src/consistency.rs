@@ -427,7 +427,7 @@ fn check_holding(scene: &Scene) -> Check {
     Ok(())
 }
 
-fn device_names(devices: &[Device]) -> String {
+pub(super) fn device_names(devices: &[Device]) -> String {
     let names: Vec<_> = devices
         .iter()
         .map(|device| format!("{:?}", device.name))

@@ -22,6 +22,7 @@ pub mod recording;
 mod silent;
 pub mod source;
 pub mod spec;
+mod tool;
 
 pub use device_file::NamedDevice;
 pub use drivers::real_drivers;

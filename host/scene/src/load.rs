@@ -8,7 +8,8 @@ use super::poses;
 use super::recording::{self, Sample};
 use super::silent;
 use super::source::Source;
-use super::spec::{MeshSource, ModelName, Scene};
+use super::spec::{MeshSource, ModelName, Scene, Tool};
+use super::tool;
 use meshio::{Choices, MeshFileError};
 use physics::contact::obstacle::TimedPose;
 use physics::mesh::Mesh;
@@ -177,9 +178,12 @@ impl Scene {
 fn parse(source: &Source) -> Result<Scene, SceneError> {
     let document = toml::Deserializer::parse(&source.text)
         .map_err(|error| SceneError::syntax(source, &error))?;
-    let scene = serde_path_to_error::deserialize(document)
+    let mut scene: Scene = serde_path_to_error::deserialize(document)
         .map_err(|error| SceneError::refused(source, &error.path().to_string(), error.inner()))?;
+    let tools: Vec<_> = scene.tools.iter().map(Tool::obstacle).collect();
+    scene.obstacles.extend(tools);
     consistency::check(&scene)
+        .and_then(|()| tool::check(&scene))
         .and_then(|()| contact::check(&scene))
         .map_err(|conflict| source.error(&conflict.field, conflict.found, conflict.allowed))?;
     Ok(scene)

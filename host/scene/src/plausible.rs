@@ -479,7 +479,7 @@ pub(super) fn check(
         judge.body(&format!("body[{index}]"), body)?;
     }
     for (index, obstacle) in scene.obstacles.iter().enumerate() {
-        judge.obstacle(&format!("obstacle[{index}]"), obstacle)?;
+        judge.obstacle(&scene.field_of_obstacle(index), obstacle)?;
     }
     for (index, contact) in scene.contacts.iter().enumerate() {
         judge.contact(&format!("contact[{index}]"), contact)?;

@@ -32,14 +32,15 @@ pub(super) fn check(
     };
     let handles = || scene.bodies.iter().flat_map(|body| &body.handles);
     // A scene in which bodies fall on obstacles, and which no hand holds, means it.
-    let falls = handles().next().is_none() && !scene.obstacles.is_empty();
+    let falls = handles().next().is_none() && scene.obstacles.len() > scene.tools.len();
     for (index, (device, model)) in scene.devices.iter().zip(models).enumerate() {
-        if !falls && handles().all(|handle| handle.device != device.name) {
+        let has_tool = scene.tools.iter().any(|tool| tool.device == device.name);
+        if !falls && !has_tool && handles().all(|handle| handle.device != device.name) {
             warn(
                 &format!("device[{index}]"),
                 format!("no handle of the device {:?}", device.name),
-                "a [[body.handle]] with this `device`",
-                "the device would feel no force: devices do not touch bodies without a handle",
+                "a [[body.handle]] or a [[tool]] with this `device`",
+                "the device would feel no force: it holds no body, and touches none",
             );
         }
         let Some(hand) = &device.hand else { continue };
@@ -163,8 +164,8 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
                     "handle = [{ name = 'h', group = 'top', device = 'd' }]\n",
                     "",
                 )],
-                "a.toml:8: device[0]: found no handle of the device \"d\", usual: a [[body.handle]] with this `device`; \
-                 the device would feel no force",
+                "a.toml:8: device[0]: found no handle of the device \"d\", usual: a [[body.handle]] or a [[tool]] with this \
+                 `device`; the device would feel no force",
             ),
             (
                 vec![("[[0.0, 0, 0, 0], [0.5", "[[100, 0, 0, 0], [500")],

@@ -4,12 +4,13 @@
 
 use super::body::HostBody;
 use super::stats::{StepFault, Stopwatch};
+use super::tool::{self, HostTool};
 use crate::scene::SceneError;
 use crate::world::World;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use physics::{Around, Beside, Vec3};
 use physics::{Body, BodyMap};
-use rt_core::MAX_BODIES;
+use rt_core::{MAX_BODIES, TickRecord};
 use serde::Serialize;
 
 /// How much faster than the bodies an obstacle moves at most, while it makes up for steps that a late host left out.
@@ -27,8 +28,12 @@ pub struct Contact {
     is_stale: [bool; MAX_BODIES],
     /// The bodies that have been replaced since the last step, and the vertices that theirs continue.
     replaced: Vec<(usize, Vec<u32>)>,
-    /// Where the obstacles are (s).
+    /// Where the obstacles are (s), and where the present step takes them.
     time: f64,
+    due: f64,
+    tools: Vec<HostTool>,
+    /// Number of meshes that have been replaced.
+    replacements: u32,
     totals: ContactTotals,
     /// The pairs that touched in the last step, by bit, and whether others touch now.
     pairs: u64,
@@ -102,6 +107,9 @@ impl Contact {
             is_stale: [false; MAX_BODIES],
             replaced: Vec::new(),
             time: 0.0,
+            due: 0.0,
+            tools: tool::all(world),
+            replacements: 0,
             totals: ContactTotals::default(),
             pairs: 0,
             has_changed: false,
@@ -214,6 +222,7 @@ impl Contact {
 
     /// Notes that the mesh of a body has been replaced. `map` leads from the new body to the old one.
     pub(super) fn replace(&mut self, body: usize, map: &BodyMap) {
+        self.replacements += 1;
         self.replaced.push((body, map.vertices.clone()));
     }
 
@@ -249,6 +258,36 @@ impl Contact {
         failed.filter_map(|(number, failed)| failed.then_some(number))
     }
 
+    /// Takes one tick's record, with the places of the tools.
+    pub(super) fn follow_hands(&mut self, record: &TickRecord) {
+        for tool in &mut self.tools {
+            tool.follow(record);
+        }
+    }
+
+    /// Begins the step up to the time `due_ns` (ns): leads the tools. Called before the bodies are constrained.
+    pub(super) fn begin(&mut self, bodies: &[HostBody], due_ns: u64) {
+        let h = bodies.first().map_or(0.0, |body| body.stepping.step);
+        // After steps that a late host left out, the bodies have moved by one step only. An obstacle that jumped to its place
+        // would pass through them.
+        self.due = (due_ns as f64 * 1e-9).min(self.time + FASTEST * h);
+        for tool in &mut self.tools {
+            tool.lead(&mut self.contacts, [self.time, self.due]);
+        }
+    }
+
+    /// Makes the patch of each tool, after a step that ended at `due_ns` (ns).
+    pub(super) fn publish_tools(&mut self, bodies: &mut [HostBody], due_ns: u64) {
+        for tool in &mut self.tools {
+            tool.publish(&self.contacts, bodies, due_ns, self.replacements);
+        }
+    }
+
+    /// The tools.
+    pub(super) fn tools(&self) -> &[HostTool] {
+        &self.tools
+    }
+
     /// Keeps bodies awake that touch a body which moves. Called before the bodies are constrained.
     pub(super) fn keep_awake(&self, bodies: &mut [HostBody]) {
         let mut rests = [false; MAX_BODIES];
@@ -262,21 +301,18 @@ impl Contact {
         );
     }
 
-    /// Solves the bodies that have contacts, up to the time `due_ns` of the step (ns). Called after the bodies have been
-    /// constrained.
-    pub(super) fn solve(&mut self, bodies: &mut [HostBody], due_ns: u64, watch: &dyn Stopwatch) {
+    /// Solves the bodies that have contacts, up to the time at which the step [ends](Self::begin). Called after the bodies have
+    /// been constrained.
+    pub(super) fn solve(&mut self, bodies: &mut [HostBody], watch: &dyn Stopwatch) {
         let start = watch.now_ns();
         let h = bodies.first().map_or(0.0, |body| body.stepping.step);
-        // After steps that a late host left out, the bodies have moved by one step only. An obstacle that jumped to its place
-        // would pass through them.
-        let due = (due_ns as f64 * 1e-9).min(self.time + FASTEST * h);
         let left = bodies
             .iter()
             .filter_map(|body| body.stepping.solver.left_ns());
         let end = left.min().map(|left| start + left);
         let mut members = members(bodies);
-        self.contacts.begin(&members, [self.time, due], h);
-        self.time = due;
+        self.contacts.begin(&members, [self.time, self.due], h);
+        self.time = self.due;
         let mut is_late = |_| end.is_some_and(|end| watch.now_ns() >= end);
         self.contacts.solve(&mut members, &mut is_late);
         drop(members);

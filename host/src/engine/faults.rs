@@ -7,6 +7,7 @@
 use super::Engine;
 use super::pacer::Due;
 use super::stats::{EngineStats, Stopwatch};
+use rt_core::tool::Patch;
 use rt_core::{LocalModel, TickRecord};
 
 /// A kind of fault.
@@ -152,6 +153,11 @@ impl Failing {
     /// The engine, to be changed.
     pub(crate) fn engine_mut(&mut self) -> &mut Engine {
         &mut self.engine
+    }
+
+    /// As [`Engine::patches`].
+    pub(crate) fn patches(&self) -> impl Iterator<Item = (usize, &Patch)> {
+        self.engine.patches()
     }
 
     /// As [`Engine::stats`].

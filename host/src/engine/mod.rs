@@ -37,6 +37,7 @@ pub mod stiff;
 mod stored;
 pub mod tears;
 pub mod threads;
+pub(crate) mod tool;
 pub mod unrendered;
 pub mod virtual_coupling;
 
@@ -49,10 +50,12 @@ use pacer::Due;
 use physics::motion::joined::Joints;
 use physics::team::each_run;
 use physics::{BodyError, Team, TearReport};
+use rt_core::tool::Patch;
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
 use std::sync::Arc;
 use threads::{Threads, awake};
+use tool::HostTool;
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
@@ -142,6 +145,15 @@ impl Engine {
         for body in &mut self.bodies {
             body.follow(record);
         }
+        if let Some(contact) = &mut self.contact {
+            contact.follow_hands(record);
+        }
+    }
+
+    /// The patches that the last step published, each with the device of its tool.
+    pub fn patches(&self) -> impl Iterator<Item = (usize, &Patch)> {
+        let tools = self.contact.iter().flat_map(Contact::tools);
+        tools.filter_map(HostTool::published)
     }
 
     /// Makes one host step of all bodies, call by call (predict, constrain, solve, finish). Joined bodies are solved before
@@ -196,11 +208,12 @@ impl Engine {
             for body in contact.follow(&self.bodies) {
                 self.stats.fault(body, &StepFault::Surface);
             }
+            contact.begin(&self.bodies, due.time_ns);
             contact.keep_awake(&mut self.bodies);
         }
         self.stage(team, all.clone(), &|_, body| body.constrain(watch));
         if let Some(contact) = &mut self.contact {
-            contact.solve(&mut self.bodies, due.time_ns, watch);
+            contact.solve(&mut self.bodies, watch);
         }
         for group in &mut self.groups {
             group.solve(&mut self.bodies, watch);
@@ -213,6 +226,9 @@ impl Engine {
             self.stage(team, all.clone(), &|contact, body| body.end(contact, watch));
             self.publish_touching(due.publishes, watch);
             all.for_each(|index| self.tell(index, publish));
+            if let Some(contact) = self.contact.as_mut().filter(|_| due.publishes) {
+                contact.publish_tools(&mut self.bodies, due.time_ns);
+            }
         } else {
             // One thread publishes the model of a body before it finishes the next body.
             let together = if team.is_alone() {

@@ -47,16 +47,20 @@ impl HandlePath {
 
     /// Takes the next record. Records may be missing in between: the filter uses the time from record to record.
     pub(super) fn follow(&mut self, record: &TickRecord) {
-        let Some((target, _)) = record.proxies.get(self.device) else {
-            return;
-        };
-        let Some(last_ns) = self.time_ns.replace(record.time_ns) else {
+        if let Some((target, _)) = record.proxies.get(self.device) {
+            self.follow_to(record.time_ns, target);
+        }
+    }
+
+    /// Takes the next pose, that at `time_ns`.
+    pub(super) fn follow_to(&mut self, time_ns: u64, target: &Pose) {
+        let Some(last_ns) = self.time_ns.replace(time_ns) else {
             if self.joins {
                 self.pose = *target;
             }
             return;
         };
-        let dt = record.time_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        let dt = time_ns.saturating_sub(last_ns) as f64 * 1e-9;
         if dt <= 0.0 {
             return;
         }

@@ -75,6 +75,8 @@ pub struct Gatherer {
     number: u64,
     /// The obstacles that frames show.
     obstacles: Arc<[Obstacle]>,
+    /// The device and the obstacle of each tool, which is shown where its device leads it.
+    tools: Vec<[usize; 2]>,
 }
 
 /// The last tick.
@@ -114,6 +116,9 @@ impl Gatherer {
             more_events: 0,
             number: 0,
             obstacles: Arc::default(),
+            tools: (scene.numbered_tools())
+                .map(|(_, device, obstacle)| [device, obstacle])
+                .collect(),
         }
     }
 
@@ -238,10 +243,24 @@ impl Gatherer {
         let number = self.number;
         self.number += 1;
         let time_ns = self.last.tick.map_or(0, |(_, time_ns)| time_ns);
+        let mut obstacles = obstacle::states(&self.obstacles, time_ns as f64 * 1e-9);
+        for [device, obstacle] in &self.tools {
+            let known = self
+                .last
+                .devices
+                .get(*device)
+                .zip(obstacles.get_mut(*obstacle));
+            if let Some((device, state)) = known {
+                let place = device.pose.position.iter();
+                for (to, from) in state.pose.iter_mut().zip(place) {
+                    *to = *from;
+                }
+            }
+        }
         Frame {
             number,
             time_ns,
-            obstacles: obstacle::states(&self.obstacles, time_ns as f64 * 1e-9),
+            obstacles,
             folded: std::mem::take(&mut self.folded),
             totals: self.totals(),
             hands: (self.last.devices.iter().zip(&self.sums))

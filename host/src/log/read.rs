@@ -1,7 +1,7 @@
 //! A whole log in memory, for tests and for programs that look at all ticks at once.
 
 use super::index::{IndexError, LogIndex};
-use crate::record::{ContactStep, ModelRow, TearEvent, TickRow};
+use crate::record::{ContactStep, ModelRow, PatchRow, TearEvent, TickRow};
 use rt_core::Capabilities;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek};
@@ -21,6 +21,8 @@ pub struct Log {
     pub rows: Vec<TickRow>,
     /// The local models, in the order of the file.
     pub models: Vec<ModelRow>,
+    /// The patches of tools, in the order of the file.
+    pub patches: Vec<PatchRow>,
     /// The edits by which bodies tore, in the order of the file.
     pub tears: Vec<TearEvent>,
     /// The contacts of the host steps, in the order of the file.
@@ -65,6 +67,7 @@ impl Log {
             let chunk = from.read_chunk(number)?;
             log.rows.extend_from_slice(chunk.records());
             log.models.extend_from_slice(chunk.records());
+            log.patches.extend_from_slice(chunk.records());
             log.tears.extend_from_slice(chunk.records());
             log.contacts.extend_from_slice(chunk.records());
         }

@@ -3,7 +3,7 @@
 //! [`KINDS`] lists all kinds. The log writes and reads the kinds of this list, and the index of a log keeps the records of
 //! each kind by its type. A new kind is one file with its [`Kind`], and one entry of the list.
 
-use super::{BodyFrame, Cloud, ContactStep, ModelRow, Surface, TearEvent, TickRow};
+use super::{BodyFrame, Cloud, ContactStep, ModelRow, PatchRow, Surface, TearEvent, TickRow};
 use std::any::Any;
 use std::fmt;
 
@@ -200,7 +200,7 @@ impl KindInfo {
 }
 
 /// All kinds, in the order in which a log has their channels.
-pub(crate) static KINDS: [KindInfo; 7] = [
+pub(crate) static KINDS: [KindInfo; 8] = [
     KindInfo::of::<TickRow>(),
     KindInfo::of::<ModelRow>(),
     KindInfo::of::<Cloud>(),
@@ -208,4 +208,5 @@ pub(crate) static KINDS: [KindInfo; 7] = [
     KindInfo::of::<Surface>(),
     KindInfo::of::<TearEvent>(),
     KindInfo::of::<ContactStep>(),
+    KindInfo::of::<PatchRow>(),
 ];

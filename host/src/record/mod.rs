@@ -14,6 +14,7 @@ pub mod field;
 mod frame;
 mod kind;
 mod model;
+mod patch;
 mod surface;
 pub mod tear;
 pub mod tick;
@@ -26,9 +27,10 @@ pub use frame::BodyFrame;
 pub use kind::{ChannelInfo, Group, Kind, Stamp};
 pub(crate) use kind::{KINDS, List, Records};
 pub use model::ModelRow;
+pub use patch::PatchRow;
 pub use surface::Surface;
 pub use tear::TearEvent;
-pub use tick::{LoggedReading, ReadFault, TickRow, energy_sums};
+pub use tick::{LoggedReading, ReadFault, TOUCH, TickRow, energy_sums};
 pub use times::Distribution;
 
 /// Which clock a run follows.

@@ -7,7 +7,7 @@
 use super::field::{Cells, Each, Leaf, Record, Visitor, fields, name, record};
 use super::kind::{Stamp, kind};
 use rt_core::coupling::HostState;
-use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::record::{BodyTelemetry, DeviceTelemetry, ToolTelemetry};
 use rt_core::safety::SafetyState;
 use rt_core::{
     Corruption, DeviceError, DeviceState, EnergyAccount, Reading, Rendering, Telemetry, Withheld,
@@ -31,7 +31,15 @@ pub struct TickRow {
     pub bodies: Vec<BodyTelemetry>,
     /// The reading of each device (device axes).
     pub readings: Vec<LoggedReading>,
+    /// The number of the patch that each tool uses, in the order of the devices.
+    pub patches: Vec<u64>,
+    /// For each tool the index of its device, the number of its contacts, its place on the surface (m) and the force of the surface
+    /// on it (N): [`TOUCH`] numbers.
+    pub touch: Vec<f64>,
 }
+
+/// See [`TickRow::touch`].
+pub const TOUCH: usize = 8;
 
 impl From<&Telemetry> for TickRow {
     fn from(telemetry: &Telemetry) -> Self {
@@ -43,8 +51,17 @@ impl From<&Telemetry> for TickRow {
             devices: telemetry.devices().copied().collect(),
             bodies: telemetry.bodies().map(logged).collect(),
             readings: telemetry.readings().map(LoggedReading::from).collect(),
+            patches: telemetry.tools().map(|tool| tool.sequence).collect(),
+            touch: telemetry.tools().flat_map(touch).collect(),
         }
     }
+}
+
+/// The record of a tool as a log keeps it.
+fn touch(tool: &ToolTelemetry) -> [f64; TOUCH] {
+    let ([x, y, z], [fx, fy, fz]): ([f64; 3], [f64; 3]) = (tool.proxy.into(), tool.force.into());
+    let (device, contacts) = (f64::from(tool.device), f64::from(tool.contacts));
+    [device, contacts, x, y, z, fx, fy, fz]
 }
 
 /// The record of a body as a log keeps it.
@@ -167,6 +184,8 @@ kind! { TickRow: "palpate_msgs/msg/Tick", Run, |_| "/tick".to_owned();
         size_of_val(self.devices.as_slice())
             + size_of_val(self.bodies.as_slice())
             + size_of_val(self.readings.as_slice())
+            + size_of_val(self.patches.as_slice())
+            + size_of_val(self.touch.as_slice())
     }
 }
 
@@ -179,6 +198,8 @@ record! { TickRow: (&Telemetry::empty()).into();
     "palpate_msgs/Device[] devices" devices: list "device";
     "palpate_msgs/Body[] bodies" bodies: list "body";
     "palpate_msgs/Reading[] readings  # by device" readings: list "reading";
+    "uint64[] patches    # optional: number of the patch in use, by tool" patches: late;
+    "float64[] touch     # optional: by tool: device, contacts, place (x, y, z), force on the tool (x, y, z)" touch: late;
 }
 
 impl TickRow {

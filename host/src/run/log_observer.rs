@@ -9,7 +9,7 @@ use super::tears::TearEvents;
 use crate::live::gather::Gatherer;
 use crate::log::overview::OverviewBuilder;
 use crate::log::{LogError, LogWriter};
-use crate::record::{ContactStep, ModelRow};
+use crate::record::{ContactStep, ModelRow, PatchRow};
 use crate::scene::LoadedScene;
 use runner::link::LogRecord;
 use std::fs::File;
@@ -90,8 +90,10 @@ impl Observer for LogObserver {
                 let mut row = ModelRow::new(body, model);
                 log.write_record(row.stamp(), &mut row)
             }),
-            // Logs have no record of patches yet.
-            LogRecord::Patch(..) => {}
+            LogRecord::Patch(device, patch) => self.write(|log| {
+                let mut row = PatchRow::new(device, patch);
+                log.write_record(row.stamp(), &mut row)
+            }),
             LogRecord::Tick(telemetry) => {
                 self.write_frames();
                 while let Some((mut event, words)) = self.tears.next() {

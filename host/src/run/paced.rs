@@ -15,6 +15,7 @@ use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::ProcessorStopwatch;
 use core::convert::Infallible;
+use rt_core::tool::Patch;
 use rt_core::{LocalModel, TickRecord};
 use runner::TickLoop;
 use runner::link::{HostEnd, LogEnd};
@@ -59,7 +60,10 @@ pub trait HostLink: Send {
     /// Sends a model of `body`, which arrives at `arrival_ns` unless the link is worse than that.
     fn send(&mut self, arrival_ns: u64, body: usize, model: &LocalModel);
 
-    /// Gives the tick the models that have arrived by `now_ns`.
+    /// Sends a patch for the tool of a device, as a model is sent.
+    fn send_patch(&mut self, arrival_ns: u64, device: usize, patch: &Patch);
+
+    /// Gives the tick the messages that have arrived by `now_ns`.
     fn deliver(&mut self, now_ns: u64);
 
     /// The host's end alone. Models that have not arrived are lost.
@@ -73,6 +77,10 @@ impl HostLink for LateLink {
 
     fn send(&mut self, arrival_ns: u64, body: usize, model: &LocalModel) {
         Self::send(self, arrival_ns, body, model);
+    }
+
+    fn send_patch(&mut self, arrival_ns: u64, device: usize, patch: &Patch) {
+        Self::send_patch(self, arrival_ns, device, patch);
     }
 
     fn deliver(&mut self, now_ns: u64) {
@@ -170,6 +178,9 @@ impl<L: HostLink> Host for Paced<L> {
         engine.step(due, &ProcessorStopwatch, &mut |body, model| {
             link.send(arrival_ns, body, model);
         });
+        for (device, patch) in self.engine.patches() {
+            self.link.send_patch(arrival_ns, device, patch);
+        }
         self.slow.look(self.engine.stats());
         let skipped = self.pacer.skipped();
         let engine = self.engine.engine();

@@ -9,6 +9,7 @@ use crate::engine::contact::Contact;
 use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
+use crate::engine::tool::stiffest;
 use crate::engine::{Engine, build};
 use crate::preparation::Preparation;
 use crate::scene::spec::{self, Scene};
@@ -22,6 +23,7 @@ use rt_core::engage::EngageConfig;
 use rt_core::heat::HeatConfig;
 use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
+use rt_core::tool::{ToolConfig, ToolCouplingConfig};
 use rt_core::{
     Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Vec3,
 };
@@ -34,6 +36,9 @@ const PATIENCE: f64 = 5.0;
 /// Least number of ticks for which a device may stay silent. A device that sends faster than the tick reads may be
 /// delayed by other traffic on its bus.
 const LEAST_PATIENCE: f64 = 2.0;
+
+/// The speed (m/s) at which a tool and a surface that overlap part.
+const PARTING: f64 = 0.02;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -184,6 +189,7 @@ pub(super) fn connect(
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
         handles,
+        tools: config.tools.map(|tool| tool.is_some()),
         stall,
         ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
     });
@@ -256,6 +262,22 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
     for _ in &scene.bodies {
         let coupling = coupling(scene, period, &passivity, hold_damping);
         let _ = config.bodies.push(coupling);
+    }
+    for (tool, device, _) in scene.numbered_tools() {
+        config.tools[device] = Some(ToolCouplingConfig {
+            tool: ToolConfig {
+                radius: tool.radius,
+                period,
+                stiffest: stiffest(loaded, device),
+                most_damping: passivity.ports[device].most_damping,
+                parting: PARTING,
+            },
+            age_limit: scene.realtime.age_limit(),
+            decay: scene.realtime.decay,
+            recovery: scene.realtime.recovery,
+            hold_damping: scene.realtime.hold_damping,
+            passivity,
+        });
     }
     Ok(config)
 }

@@ -184,6 +184,9 @@ impl Hosting {
                 // The link counts a full ring.
                 let _ = end.publish(body, model);
             });
+            for (device, patch) in engine.patches() {
+                let _ = end.publish_patch(device, patch);
+            }
             slow.look(engine.stats());
             subscribers.after_step(due.time_ns, pacer.skipped(), engine.engine());
         }

@@ -196,7 +196,11 @@ impl super::World<'_> {
         let refuse = |thing: Thing, error: &dyn std::fmt::Display| {
             let allowed = "a surface whose edges have two triangles at most";
             let source = &self.loaded.source;
-            source.error(&field(thing), error.to_string(), allowed)
+            source.error(
+                &field(&self.loaded.scene, thing),
+                error.to_string(),
+                allowed,
+            )
         };
         let mut found = contacts::Contacts::new();
         for (number, (body, built)) in bodies.iter().zip(&self.bodies).enumerate() {
@@ -309,7 +313,11 @@ impl Start<'_> {
         let refuse = |thing: Thing, error: &dyn std::fmt::Display| {
             let allowed = "a surface";
             let source = &self.loaded.source;
-            source.error(&field(thing), error.to_string(), allowed)
+            source.error(
+                &field(&self.loaded.scene, thing),
+                error.to_string(),
+                allowed,
+            )
         };
         for (index, built) in self.bodies.iter().enumerate() {
             let thing = Thing::Body(index);
@@ -381,7 +389,8 @@ impl Start<'_> {
                     "places that are more than {} m apart, the distance at which contact begins: give a smaller thickness",
                     round(most.fold(0.0, f64::max))
                 );
-                self.loaded.source.error(&field(thing), found, allowed)
+                let field = field(&self.loaded.scene, thing);
+                self.loaded.source.error(&field, found, allowed)
             }
         })
     }
@@ -408,7 +417,8 @@ impl Start<'_> {
             round(distance.unwrap_or_default())
         );
         let source = &self.loaded.source;
-        source.error(&field(one.max(other)), found, allowed)
+        let field = field(&self.loaded.scene, one.max(other));
+        source.error(&field, found, allowed)
     }
 }
 
@@ -508,10 +518,10 @@ fn folds(mesh: &Mesh, settled: &Body, distance: f64) -> bool {
 }
 
 /// The field of a thing.
-fn field(thing: Thing) -> String {
+fn field(scene: &Scene, thing: Thing) -> String {
     match thing {
         Thing::Body(index) => format!("body[{index}]"),
-        Thing::Obstacle(index) => format!("obstacle[{index}]"),
+        Thing::Obstacle(index) => scene.field_of_obstacle(index),
     }
 }
 

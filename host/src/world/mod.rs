@@ -74,7 +74,10 @@ impl<'a> World<'a> {
         let held: Vec<Vec<Vec<u32>>> = numbered()
             .map(|(index, notched)| grasp::vertices(loaded, index, &notched.mesh))
             .collect::<Result<_, _>>()?;
-        let origins = grasp::origins(scene, &meshes, &held);
+        let mut origins = grasp::origins(scene, &meshes, &held);
+        for (tool, device, _) in scene.numbered_tools() {
+            origins[device] = Some(tool.position.into());
+        }
         let mounts = (0..scene.devices.len())
             .map(|device| mount::mount(loaded, device, origins[device]))
             .collect::<Result<Vec<_>, _>>()?;

@@ -30,7 +30,7 @@ pub(super) fn warnings(
         let longest = longest(&bodies[body].mesh);
         let scene = &loaded.scene;
         (width < longest).then(|| Warning {
-            location: loaded.source.location(&format!("obstacle[{number}]")),
+            location: loaded.source.location(&scene.field_of_obstacle(number)),
             found: format!(
                 "an obstacle {:?} that is {} m wide at its surface of contact, and edges of body {:?} of up to {} m",
                 scene.obstacles[number].name,

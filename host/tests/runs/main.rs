@@ -41,4 +41,5 @@ mod threads;
 mod tool;
 mod torn_changes;
 mod torn_shapes;
+mod touch;
 mod touching_scenes;

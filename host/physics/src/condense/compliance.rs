@@ -309,6 +309,33 @@ impl SiteCompliance {
     }
 }
 
+/// The stiffness (N/m) of points against a common displacement, from their compliance `between` each two of `count` (m/N). `None`
+/// if a point does not yield.
+pub fn resultant(count: usize, between: &dyn Fn(usize, usize) -> Mat3) -> Option<Mat3> {
+    let mut factor = Square::zeros(3 * count);
+    for column in 0..3 * count {
+        for row in 0..3 * count {
+            factor[(row, column)] = between(row / 3, column / 3)[(row % 3, column % 3)];
+        }
+    }
+    if count == 0 || (0..3 * count).any(|at| factor[(at, at)] <= 0.0) {
+        return None;
+    }
+    factorize(&mut factor);
+    // By axis: the common displacement, times the inverse of the factor.
+    let mut moved = Square::zeros(3 * count);
+    for column in 0..3 {
+        for row in (column..3 * count).step_by(3) {
+            moved[(row, column)] = 1.0;
+        }
+        substitute(&factor, &mut moved, column);
+    }
+    Some(Mat3::from_fn(|i, j| {
+        let rows = 0..3 * count;
+        rows.map(|row| moved[(row, i)] * moved[(row, j)]).sum()
+    }))
+}
+
 /// Whether nothing holds a body.
 fn is_loose(body: &Body) -> bool {
     body.constraints.held_nodes().next().is_none() && body.constraints.supports.mask().is_none()

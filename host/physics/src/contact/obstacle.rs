@@ -212,6 +212,17 @@ impl Obstacle {
         Ok(Self { geometry, motion })
     }
 
+    /// Moves the obstacle from one of these rows to the other, and leaves it there: a hand moves it. Nothing is allocated after
+    /// the first call.
+    pub fn lead(&mut self, rows: [TimedPose; 2]) {
+        if let Motion::Poses(poses) = &mut self.motion {
+            poses.clear();
+            poses.extend(rows);
+        } else {
+            self.motion = Motion::Poses(rows.to_vec());
+        }
+    }
+
     /// What the obstacle consists of.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
@@ -237,6 +248,7 @@ impl Obstacle {
             Motion::Still(_) => return true,
             Motion::Poses(rows) => {
                 let ends = rows.first().zip(rows.last());
+                let ends = ends.filter(|(first, last)| rows.len() > 2 || first.pose != last.pose);
                 ends.map_or((0.0, 0.0), |(first, last)| (first.time, last.time))
             }
             Motion::Frames(frames) => (0.0, (frames.positions.len() - 1) as f64 / frames.rate),

@@ -11,6 +11,7 @@ mod mesh;
 mod placement;
 pub mod solve;
 mod tear;
+mod tool;
 
 use super::check;
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;
 pub use solve::{Analysis, Solve};
 pub use tear::{Notch, Starts, Tear, TearLawName};
+pub use tool::Tool;
 
 /// A whole scene.
 #[derive(Clone, Debug, Deserialize)]
@@ -54,9 +56,12 @@ pub struct Scene {
     /// Deformable bodies.
     #[serde(rename = "body", deserialize_with = "check::tables")]
     pub bodies: Vec<Body>,
-    /// What bodies touch and no body moves.
+    /// What bodies touch and no body moves. A scene that was read has its tools at the end.
     #[serde(default, rename = "obstacle", deserialize_with = "check::tables")]
     pub obstacles: Vec<Obstacle>,
+    /// What devices touch bodies with.
+    #[serde(default, rename = "tool", deserialize_with = "check::tables")]
+    pub tools: Vec<Tool>,
     /// Pairs that may touch.
     #[serde(default, rename = "contact", deserialize_with = "check::tables")]
     pub contacts: Vec<Contact>,
@@ -71,6 +76,25 @@ impl Scene {
     pub fn device_of(&self, handle: &Handle) -> usize {
         let holds = |device: &Device| device.name == handle.device;
         self.devices.iter().position(holds).unwrap_or(0)
+    }
+
+    /// Each tool with the number of its device and that of its obstacle, once the scene was read.
+    pub fn numbered_tools(&self) -> impl Iterator<Item = (&Tool, usize, usize)> {
+        let given = self.obstacles.len().saturating_sub(self.tools.len());
+        self.tools.iter().enumerate().map(move |(index, tool)| {
+            let moves = |device: &Device| device.name == tool.device;
+            let device = self.devices.iter().position(moves).unwrap_or(0);
+            (tool, device, given + index)
+        })
+    }
+
+    /// The field of the obstacle of this number, in the order of a scene that was read.
+    pub fn field_of_obstacle(&self, index: usize) -> String {
+        let given = self.obstacles.len().saturating_sub(self.tools.len());
+        match index.checked_sub(given) {
+            Some(tool) => format!("tool[{tool}]"),
+            None => format!("obstacle[{index}]"),
+        }
     }
 
     /// Whether anything in the scene may touch: an obstacle and a body, two bodies, or a body and itself.

@@ -22,10 +22,10 @@ use super::session::Session;
 use crate::atomic_file::AtomicFileError;
 use crate::log::Log;
 use crate::log::index::{IndexError, LogIndex};
-use crate::record::{ContactStep, ModelRow, TickRow};
+use crate::record::{ContactStep, ModelRow, PatchRow, TOUCH, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use crate::world::World;
-use rt_core::{Capabilities, MAX_HANDLES, TickTime};
+use rt_core::{Capabilities, MAX_BODIES, MAX_HANDLES, TickTime};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -74,11 +74,45 @@ pub enum ReplayError {
         /// Number of the model.
         sequence: u64,
     },
+    /// The log lacks a patch.
+    #[error(
+        "the log lacks patch {sequence} of the tool of device {device}, which tick {tick} uses: the log's ring was full, and a \
+         run whose patches are not all in the log cannot be replayed"
+    )]
+    MissingPatch {
+        /// The first tick that uses the patch.
+        tick: u64,
+        /// Index of the device.
+        device: usize,
+        /// Number of the patch.
+        sequence: u64,
+    },
 }
 
-/// A receiver of the models, the contacts and the ticks of a part of a log.
-pub type Seer<'a> =
-    dyn FnMut(&[ModelRow], &[ContactStep], &[TickRow]) -> Result<(), ReplayError> + 'a;
+/// The place of the patches of the first device among the messages that wait: they follow those of the bodies.
+const TOOLS: usize = MAX_BODIES;
+
+/// A message that waits for its tick.
+enum Message {
+    Model(ModelRow),
+    Patch(PatchRow),
+}
+
+/// A receiver of a part of a log.
+pub type Seer<'a> = dyn FnMut(Part<'_>) -> Result<(), ReplayError> + 'a;
+
+/// A part of a log.
+#[derive(Clone, Copy, Debug)]
+pub struct Part<'a> {
+    /// The local models.
+    pub models: &'a [ModelRow],
+    /// The patches of tools.
+    pub patches: &'a [PatchRow],
+    /// The contacts.
+    pub contacts: &'a [ContactStep],
+    /// The ticks.
+    pub rows: &'a [TickRow],
+}
 
 /// A log that can be replayed.
 pub trait Recorded {
@@ -97,7 +131,7 @@ pub trait Recorded {
     /// Number of parts.
     fn parts(&self) -> usize;
 
-    /// Gives `see` the models, the contacts and the ticks of a part, in order. No tick precedes, by parts, a model that it
+    /// Gives `see` a part. No tick precedes, by parts, a model or a patch that it
     /// used, or the contacts of a step that it follows.
     ///
     /// # Errors
@@ -129,7 +163,12 @@ impl<R: Read + Seek> Recorded for &mut LogIndex<R> {
 
     fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
         let chunk = self.read_chunk(number)?;
-        see(chunk.records(), chunk.records(), chunk.records())
+        see(Part {
+            models: chunk.records(),
+            patches: chunk.records(),
+            contacts: chunk.records(),
+            rows: chunk.records(),
+        })
     }
 }
 
@@ -156,7 +195,12 @@ impl Recorded for &Log {
     }
 
     fn part(&mut self, _number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
-        see(&self.models, &self.contacts, &self.rows)
+        see(Part {
+            models: &self.models,
+            patches: &self.patches,
+            contacts: &self.contacts,
+            rows: &self.rows,
+        })
     }
 }
 
@@ -194,8 +238,8 @@ pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, Repla
     // This check comes first: a log whose writer was killed in its first moments has no scene either.
     let mut empty = true;
     for number in 0..log.parts() {
-        log.part(number, &mut |_, _, rows| {
-            empty = rows.is_empty();
+        log.part(number, &mut |part| {
+            empty = part.rows.is_empty();
             Ok(())
         })?;
         if !empty {
@@ -267,20 +311,30 @@ fn replay_any(
     let mut in_use = Vec::new();
     let mut waiting = Waiting::default();
     for number in 0..parts {
-        log.part(number, &mut |models, contacts, rows| {
-            waiting.extend(models.iter().map(|model| (place(model), model.clone())));
-            let mut contacts = contacts.iter().peekable();
-            for row in rows {
+        log.part(number, &mut |part| {
+            let models = part.models.iter();
+            waiting.extend(models.map(|model| (place(model), Message::Model(model.clone()))));
+            let patches = part.patches.iter();
+            waiting.extend(patches.map(|patch| (place_of(patch), Message::Patch(patch.clone()))));
+            let mut contacts = part.contacts.iter().peekable();
+            for row in part.rows {
                 while let Some(step) = contacts.next_if(|step| step.tick <= row.tick) {
                     observers.touched(&mut step.clone());
                 }
                 session.host.drain(|_| ());
-                for (body, sequence) in taken(row, &mut in_use) {
-                    if let Some(model) = waiting.take((body, sequence)) {
-                        // The link refuses the model if this scene has no such body. The comparison then reports a
-                        // difference.
-                        let _ = session.host.publish(body, &model.model());
-                    }
+                for place in taken(row, &mut in_use) {
+                    // The link refuses the model if this scene has no such body, and a patch if it has no such tool. The
+                    // comparison then reports a difference.
+                    let _ = match waiting.take(place) {
+                        Some(Message::Model(model)) => session
+                            .host
+                            .publish(usize::from(model.body), &model.model()),
+                        Some(Message::Patch(patch)) => {
+                            let device = usize::from(patch.device);
+                            session.host.publish_patch(device, &patch.patch())
+                        }
+                        None => Ok(()),
+                    };
                 }
                 for (feed, reading) in feeds.iter().zip(&row.readings) {
                     // The session holds the device as long as the feed.
@@ -317,9 +371,10 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
     let mut in_use = Vec::new();
     let mut waiting = Waiting::default();
     for number in 0..log.parts() {
-        log.part(number, &mut |models, _, rows| {
-            waiting.extend(models.iter().map(|model| (place(model), ())));
-            for row in rows {
+        log.part(number, &mut |part| {
+            waiting.extend(part.models.iter().map(|model| (place(model), ())));
+            waiting.extend(part.patches.iter().map(|patch| (place_of(patch), ())));
+            for row in part.rows {
                 if row.tick != expected {
                     return Err(ReplayError::MissingTick {
                         expected,
@@ -327,12 +382,20 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
                     });
                 }
                 expected += 1;
-                for (body, sequence) in taken(row, &mut in_use) {
-                    if waiting.take((body, sequence)).is_none() {
-                        return Err(ReplayError::MissingModel {
-                            tick: row.tick,
-                            body,
-                            sequence,
+                for (place, sequence) in taken(row, &mut in_use) {
+                    if waiting.take((place, sequence)).is_none() {
+                        let tick = row.tick;
+                        return Err(match place.checked_sub(TOOLS) {
+                            None => ReplayError::MissingModel {
+                                tick,
+                                body: place,
+                                sequence,
+                            },
+                            Some(device) => ReplayError::MissingPatch {
+                                tick,
+                                device,
+                                sequence,
+                            },
                         });
                     }
                 }
@@ -353,18 +416,28 @@ fn place(model: &ModelRow) -> (usize, u64) {
     (usize::from(model.body), model.head.sequence)
 }
 
-/// The models that a tick began to use, by body: those whose numbers differ from the numbers `in_use` before the
+/// Place and number of a patch.
+fn place_of(patch: &PatchRow) -> (usize, u64) {
+    (TOOLS + usize::from(patch.device), patch.sequence)
+}
+
+/// The models and patches that a tick began to use, by place: those whose numbers differ from the numbers `in_use` before the
 /// tick.
 fn taken(row: &TickRow, in_use: &mut Vec<u64>) -> Vec<(usize, u64)> {
-    in_use.resize(row.bodies.len(), 0);
-    let bodies = row.bodies.iter().zip(in_use).enumerate();
-    bodies
-        .filter(|(_, (now, before))| now.sequence != **before)
-        .map(|(body, (now, before))| {
-            *before = now.sequence;
-            (body, now.sequence)
-        })
-        .collect()
+    let bodies = row.bodies.iter().map(|body| body.sequence).enumerate();
+    let devices = row.touch.as_chunks::<TOUCH>().0.iter();
+    let tools = devices.map(|[device, ..]| TOOLS + *device as usize);
+    let now = bodies.chain(tools.zip(row.patches.iter().copied()));
+    let mut taken = Vec::new();
+    for (place, sequence) in now {
+        if in_use.len() <= place {
+            in_use.resize(place + 1, 0);
+        }
+        if std::mem::replace(&mut in_use[place], sequence) != sequence {
+            taken.push((place, sequence));
+        }
+    }
+    taken
 }
 
 impl fmt::Display for ReplayReport {

@@ -8,7 +8,7 @@ use crate::live::frame::{ContactArrow, Frame, LogMessage, Vertices};
 use crate::live::gather::Gatherer;
 use crate::live::merge::MAX_LOG;
 use crate::live::socket::{Update, UpdateSender};
-use crate::record::{ContactStep, Kind, ModelRow, Surface, TickRow};
+use crate::record::{ContactStep, Kind, ModelRow, PatchRow, Surface, TickRow};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use crate::snapshot::{HostCounts, Rate, Reader, Snapshot, Watchers, after_change};
@@ -315,8 +315,11 @@ impl LogTail {
                 model.head.time_ns,
                 ModelRow::new(body, model).message(),
             ),
-            // Logs have no record of patches yet.
-            LogRecord::Patch(..) => return,
+            LogRecord::Patch(device, patch) => (
+                PatchRow::topic(""),
+                patch.head.time_ns,
+                PatchRow::new(device, patch).message(),
+            ),
         };
         self.push(topic, time_ns, data);
     }

@@ -37,6 +37,7 @@ use super::stepper::{Equation, Stepper};
 use super::touching::{self, Touch};
 use crate::Vec3;
 use crate::body::Body;
+use crate::contact::obstacle::TimedPose;
 use crate::contact::row::Response;
 use crate::contact::{Contact, Lists, Moves, Obstacle, Placed, Rows, RowsReport, Step, Surfaces};
 use crate::element::precision::Precision;
@@ -212,6 +213,14 @@ impl Contacts {
     fn stands_on(&self, obstacle: usize) -> bool {
         let [from, to] = self.times;
         self.obstacles[obstacle].stands(from, to - from + 2.0 * self.h)
+    }
+
+    /// Moves an obstacle from one of these rows to the other in the next step, see [`Obstacle::lead`].
+    ///
+    /// # Panics
+    /// For an obstacle that does not exist.
+    pub fn lead(&mut self, obstacle: usize, rows: [TimedPose; 2]) {
+        self.obstacles[obstacle].lead(rows);
     }
 
     /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one

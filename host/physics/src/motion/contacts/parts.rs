@@ -285,8 +285,15 @@ impl Contacts {
         (0..count).map(|number| self.side(number)).collect()
     }
 
+    /// How two sides meet; `None` for sides that do not touch.
+    pub fn meeting(&self, one: Side, other: Side) -> Option<Meeting> {
+        let sides = 0..self.meetings.count;
+        let number = |side: Side| sides.clone().find(|number| self.side(*number) == side);
+        self.meetings.get(number(one)?, number(other)?)
+    }
+
     /// The side of this number.
-    pub(super) fn side(&self, number: usize) -> Side {
+    pub fn side(&self, number: usize) -> Side {
         match self.owners.get(number) {
             Some(Owner::Body(body)) => Side::Body(*body),
             Some(Owner::Obstacle(obstacle)) => Side::Obstacle(*obstacle),

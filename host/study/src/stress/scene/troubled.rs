@@ -10,6 +10,7 @@ use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
 use host::run::paced::{Host, HostLink, Paced};
 use host::world::World;
+use rt_core::tool::Patch;
 use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
 
@@ -64,6 +65,15 @@ impl HostLink for Lossy {
         if chance.of("model").unit(number) >= self.models_lost {
             let late = self.jitter_ns * chance.of("late").unit(number);
             self.link.send(arrival_ns + late as u64, body, model);
+        }
+    }
+
+    fn send_patch(&mut self, arrival_ns: u64, device: usize, patch: &Patch) {
+        let (number, chance) = (patch.head.sequence, self.chance);
+        if chance.of("patch").unit(number) >= self.models_lost {
+            let late = self.jitter_ns * chance.of("late patch").unit(number);
+            self.link
+                .send_patch(arrival_ns + late as u64, device, patch);
         }
     }
 

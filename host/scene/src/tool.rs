@@ -1,0 +1,52 @@
+//! Checks of tools: whether each has a name and a device of its own.
+
+use super::consistency::{Check, at_most, device_names, names, require};
+use super::spec::Scene;
+use rt_core::MAX_DEVICES;
+
+/// Checks the tools of a scene; stops at the first conflict.
+pub(super) fn check(scene: &Scene) -> Check {
+    at_most("tool", scene.tools.len(), MAX_DEVICES)?;
+    names("tool", scene.tools.iter().map(|tool| &tool.name))?;
+    for (index, tool) in scene.tools.iter().enumerate() {
+        let at = format!("tool[{index}]");
+        let bodies = scene.bodies.iter().map(|body| ("body", &body.name));
+        // The tools are obstacles for bodies, and follow those of the scene.
+        let obstacles = scene.obstacles.iter().map(|one| ("obstacle", &one.name));
+        let given = scene.obstacles.len() - scene.tools.len();
+        let mut others = bodies.chain(obstacles.take(given));
+        let same = others.find(|(_, name)| **name == tool.name);
+        require(
+            same.is_none(),
+            &format!("{at}.name"),
+            format!("{:?}", tool.name),
+            format!(
+                "another name than that of a {}",
+                same.map_or("", |(kind, _)| kind)
+            ),
+        )?;
+        let field = format!("{at}.device");
+        let found = format!("{:?}", tool.device);
+        let exists = scene
+            .devices
+            .iter()
+            .any(|device| device.name == tool.device);
+        require(exists, &field, found.as_str(), device_names(&scene.devices))?;
+        let mut before = scene.tools.iter().take(index);
+        let first = before.position(|other| other.device == tool.device);
+        require(
+            first.is_none(),
+            &field,
+            found.as_str(),
+            format!("another device than that of tool[{}]", first.unwrap_or(0)),
+        )?;
+        let mut handles = scene.bodies.iter().flat_map(|body| &body.handles);
+        require(
+            handles.all(|handle| handle.device != tool.device),
+            &field,
+            found,
+            "a device that holds no handle",
+        )?;
+    }
+    Ok(())
+}

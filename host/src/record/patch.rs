@@ -1,0 +1,130 @@
+//! A patch as a log keeps it: the surface near a tool, in the parts in use.
+
+use super::field::{Record, Visitor, fields, record};
+use super::kind::{Stamp, kind};
+use rt_core::publication::Publication;
+use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Site, Triangle};
+
+/// A patch with the index of its tool's device, and the parts of the patch that are in use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatchRow {
+    /// Index of the device.
+    pub device: u8,
+    /// Number of the patch among those of the tool, from one.
+    pub sequence: u64,
+    /// Number of changes of the topology.
+    pub epoch: u32,
+    /// Time of the state (ns).
+    pub time_ns: u64,
+    period: f64,
+    damping: f64,
+    stiffness: f64,
+    /// The floor, rows first.
+    floor: Vec<f64>,
+    /// The corners of the triangles, and their coefficients of friction.
+    corners: Vec<u8>,
+    friction: Vec<f64>,
+    sites: Vec<Site>,
+    /// The compliance, rows first, of which each block has its nine numbers.
+    compliance: Vec<f64>,
+}
+
+impl PatchRow {
+    /// The used part of a patch for the tool of the device of this index.
+    pub fn new(device: u8, patch: &Patch) -> Self {
+        let head = &patch.head;
+        let triangles = || head.triangles();
+        Self {
+            device,
+            sequence: head.sequence,
+            epoch: head.epoch,
+            time_ns: head.time_ns,
+            period: head.period,
+            damping: head.damping,
+            stiffness: head.stiffness,
+            floor: head.floor.iter().copied().collect(),
+            corners: triangles().flat_map(|triangle| triangle.corners).collect(),
+            friction: triangles().map(|triangle| triangle.friction).collect(),
+            sites: patch.rows().to_vec(),
+            compliance: (patch.blocks().flatten())
+                .flat_map(|block| block.iter().copied())
+                .collect(),
+        }
+    }
+
+    /// The stamp of its message.
+    pub fn stamp(&self) -> Stamp {
+        Stamp {
+            body: 0,
+            number: None,
+            time_ns: self.time_ns,
+        }
+    }
+
+    /// The patch as the host published it.
+    pub fn patch(&self) -> Patch {
+        let mut patch = Patch::empty();
+        let head = &mut patch.head;
+        (head.sequence, head.epoch, head.time_ns) = (self.sequence, self.epoch, self.time_ns);
+        (head.period, head.damping, head.stiffness) = (self.period, self.damping, self.stiffness);
+        for (to, from) in head.floor.iter_mut().zip(&self.floor) {
+            *to = *from;
+        }
+        let corners = self.corners.as_chunks::<3>().0.iter();
+        let triangles = corners.zip(&self.friction);
+        for (to, (corners, friction)) in head.triangles.iter_mut().zip(triangles) {
+            *to = Triangle {
+                corners: *corners,
+                friction: *friction,
+            };
+        }
+        head.site_count = self.sites.len() as u8;
+        head.triangle_count = self.friction.len() as u8;
+        for (to, from) in patch.sites.iter_mut().zip(&self.sites) {
+            *to = *from;
+        }
+        let mut numbers = self.compliance.iter();
+        let count = self.sites.len();
+        for row in patch.compliance.iter_mut().take(count) {
+            for (to, from) in row.iter_mut().take(count).flatten().zip(&mut numbers) {
+                *to = *from;
+            }
+        }
+        patch
+    }
+
+    /// `None` if the lengths of the lists contradict each other.
+    fn check(&mut self) -> Option<()> {
+        let (sites, triangles) = (self.sites.len(), self.friction.len());
+        let is_whole = self.floor.len() == 9
+            && self.corners.len() == 3 * triangles
+            && self.compliance.len() == 9 * sites * sites;
+        (is_whole && sites <= MAX_SITES && triangles <= MAX_TRIANGLES).then_some(())
+    }
+}
+
+kind! { PatchRow: "palpate_msgs/msg/Patch", Run, |_| "/patch".to_owned(); }
+
+record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
+    "# The surface near a tool, as the tick uses it. SI units; world axes.";
+    "# The tick that took it into use is the first whose list of patches has its number at the place of the tool.";
+    "uint64 sequence     # counts the patches of this tool, from one" sequence;
+    "uint64 time_ns      # when the state held" time_ns;
+    "float64 period      # of publication" period;
+    "float64 damping     # ratio of damping to stiffness (s)" damping;
+    "float64 stiffness   # against the resultant of the contact (N/m)" stiffness;
+    "float64[] floor     # compliance that the device adds (m/N), nine numbers" floor;
+    "uint32 epoch        # of the topology" epoch;
+    "uint8 device        # index in a tick's devices" device;
+    "uint8[] corners     # of the triangles, three each, as places in the list of sites" corners;
+    "float64[] friction  # coefficient, by triangle" friction;
+    "palpate_msgs/Site[] sites" sites: list "site";
+    "float64[] compliance # between the sites (m/N), nine numbers a block, rows first" compliance;
+}
+
+record! { Site: Self::zero();
+    "geometry_msgs/Vector3 place" place;
+    "geometry_msgs/Vector3 velocity" velocity;
+    "geometry_msgs/Vector3 force  # of the tool on the body" force;
+    "uint32 vertex                # number of the vertex" vertex;
+}

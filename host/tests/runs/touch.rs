@@ -1,0 +1,203 @@
+//! Tools that touch: a ball on a device meets a body, is pressed into it, rubs it and leaves it.
+
+use host::engine::faults::{FaultKind, HostFault};
+use host::log::Log;
+use host::run::prepare::Options;
+use host::run::replay::{replay, scene_of};
+use host::run::session::Session;
+use host::run::{Clock, RunOptions, run};
+use host::scene::{LoadedScene, Scene};
+use host::world::World;
+use rt_core::Telemetry;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+fn shipped() -> LoadedScene {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    Scene::load(&scenes.join("touch.toml")).unwrap()
+}
+
+/// The shipped scene with these texts in place of others.
+fn changed(changes: &[(&str, &str)]) -> LoadedScene {
+    let mut text = shipped().source.text;
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    Scene::load_texts("touch.toml", &text, &BTreeMap::new()).unwrap()
+}
+
+fn ticks(loaded: &LoadedScene, duration: f64) -> Vec<Telemetry> {
+    let world = World::new(loaded).unwrap();
+    let mut session = Session::new(&world, &Options::new(duration, 1)).unwrap();
+    std::iter::from_fn(|| session.tick()).collect()
+}
+
+/// The host makes a step in each tick, and the tick knows of it at once.
+const EVERY_TICK: [(&str, &str); 3] = [
+    ("step_rate = 120.0", "step_rate = 1000.0"),
+    ("publish_rate = 60.0", "publish_rate = 1000.0"),
+    ("latency = 0.004", "latency = 0.0"),
+];
+
+#[test]
+fn a_ball_feels_the_block_that_it_meets() {
+    let run = ticks(&shipped(), 4.0);
+    // Nothing is felt in the air, before the block and after it.
+    for tick in run[..300].iter().chain(&run[3500..]) {
+        assert_eq!(tick.devices[0].wrench.force.norm(), 0.0, "{}", tick.tick);
+    }
+    // The hand presses, and the block pushes back. The proxy stays above the hand.
+    let held = &run[1150];
+    let force = held.devices[0].wrench.force;
+    assert!(
+        force.z > 1.0 && force.xy().norm() < 0.1 * force.z,
+        "{force}"
+    );
+    assert!(held.tools[0].contacts > 0);
+    // Friction holds against the motion.
+    let [there, back] = [&run[1600], &run[2500]].map(|tick| tick.devices[0].wrench.force);
+    assert!(there.x < -0.1 && back.x > 0.1, "{there} {back}");
+    let most = run
+        .iter()
+        .map(|tick| tick.tools[0].energy.least)
+        .fold(0.0, f64::min);
+    assert!(most > -1e-3, "{most:e}");
+}
+
+#[test]
+fn a_late_host_renders_what_physics_in_every_tick_renders() {
+    let [late, exact] = [ticks(&shipped(), 1.7), ticks(&changed(&EVERY_TICK), 1.7)];
+    let force = |run: &[Telemetry], at: usize| run[at].devices[0].wrench.force;
+    let (mut sum, mut peak) = (0.0, 0.0_f64);
+    for at in 0..1700 {
+        sum += (force(&late, at) - force(&exact, at)).norm_squared();
+        peak = peak.max(force(&exact, at).norm());
+    }
+    let error = (sum / 1700.0).sqrt() / peak;
+    // The ball of the host meets the vertices of the block, and that of the tick its triangles: 3 % of the peak while the ball
+    // presses, and 7 % while it rubs.
+    assert!(peak > 2.0 && error < 0.07, "{error} of {peak}");
+}
+
+/// The ball of the shipped scene, and another one beside it on a device of its own.
+fn two_balls() -> LoadedScene {
+    let text = shipped().source.text;
+    let (block, ball) = text.split_at(text.find("[[tool]]").unwrap());
+    let other = ball
+        .replace("\"ball\"", "\"other\"")
+        .replace("\"omega\"", "\"second\"")
+        .replace("[0.0, 0.0, 0.045]", "[-0.03, 0.0, 0.045]");
+    let ball = ball.replace("[0.0, 0.0, 0.045]", "[0.03, 0.0, 0.045]");
+    let text = format!("{block}{ball}{other}");
+    Scene::load_texts("two.toml", &text, &BTreeMap::new()).unwrap()
+}
+
+#[test]
+fn two_balls_press_one_block() {
+    let run = ticks(&two_balls(), 1.2);
+    let [one, other] = [0, 1].map(|device| run[1150].devices[device].wrench.force);
+    assert!(one.z > 1.0 && other.z > 1.0, "{one} {other}");
+    assert!(run[1150].tools().all(|tool| tool.contacts > 0));
+    // Before they touch, none feels the other one.
+    assert_eq!(run[300].devices[0].wrench.force.norm(), 0.0);
+}
+
+#[test]
+fn a_ball_on_a_block_whose_host_stalls_is_held() {
+    // The host stands still for half a second while the ball is pressed and begins to rub.
+    let world_scene = shipped();
+    let world = World::new(&world_scene).unwrap();
+    let mut options = Options::new(2.5, 1);
+    options.faults = vec![HostFault {
+        kind: FaultKind::Stall,
+        at: 1.0,
+        duration: 0.5,
+    }];
+    let mut session = Session::new(&world, &options).unwrap();
+    let run: Vec<Telemetry> = std::iter::from_fn(|| session.tick()).collect();
+    let force = |at: usize| run[at].devices[0].wrench.force;
+    for at in 1000..1200 {
+        // The hand rests, and so does the force.
+        assert!(
+            (force(at) - force(1000)).norm() < 0.05 * force(1000).norm(),
+            "{at}"
+        );
+    }
+    // It goes on along the surface that it knows, and returns to that of the host.
+    let undisturbed = ticks(&world_scene, 2.5);
+    let last = undisturbed[2400].devices[0].wrench.force;
+    assert!(
+        (force(2400) - last).norm() < 0.2 * last.norm(),
+        "{} {last}",
+        force(2400)
+    );
+    let least = run
+        .iter()
+        .map(|tick| tick.tools[0].energy.least)
+        .fold(0.0, f64::min);
+    assert!(least > -1e-3, "{least:e}");
+}
+
+#[test]
+fn a_run_with_a_tool_replays_exactly() {
+    let loaded = shipped();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(1.5),
+        log: Some(path.clone()),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    run(&World::new(&loaded).unwrap(), &options, &mut |_| {}).unwrap();
+    let log = Log::parse(&fs::read(path).unwrap()).unwrap();
+    assert!(log.patches.len() > 80 && log.rows[1200].touch[1] > 0.0);
+    let report = replay(&log, &scene_of(&log, "a log").unwrap(), &mut |_| {}).unwrap();
+    assert!(report.is_exact(), "{}", report.first.unwrap());
+    // A log that lacks a patch is refused.
+    let mut less = log.clone();
+    less.patches.remove(40);
+    let scene = scene_of(&less, "a log").unwrap();
+    let refused = replay(&less, &scene, &mut |_| {}).unwrap_err().to_string();
+    assert!(refused.contains("lacks patch 41 of the tool"), "{refused}");
+}
+
+#[test]
+fn bad_tools_are_refused_with_their_field() {
+    let text = shipped().source.text;
+    for (from, to, said) in [
+        ("radius = 0.010", "radius = -1", "tool[0].radius: found -1"),
+        (
+            "device = \"omega\"\nradius",
+            "device = \"none\"\nradius",
+            "tool[0].device: found \"none\"",
+        ),
+        (
+            "name = \"ball\"",
+            "name = \"block\"",
+            "tool[0].name: found \"block\"",
+        ),
+        ("[0.0, 0.0, 0.045]", "[0.0, 0.0, 0.035]", "tool[0]: found"),
+        ("[0.0, 0.0, 0.045]", "[0.0, 0.0, 0.0]", "tool[0]: found"),
+        (
+            "group = \"bottom\"\n",
+            "group = \"bottom\"\n[[body.handle]]\nname = 'h'\ngroup = 'top'\ndevice = 'omega'\n",
+            "tool[0].device: found \"omega\", allowed: a device that holds no handle",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let text = text.replacen(from, to, 1);
+        let loaded = Scene::load_texts("touch.toml", &text, &BTreeMap::new());
+        let error = match &loaded {
+            Ok(loaded) => World::new(loaded).err(),
+            Err(_) => None,
+        };
+        let error = error.map_or_else(
+            || loaded.err().map(|e| e.to_string()),
+            |e| Some(e.to_string()),
+        );
+        let error = error.unwrap_or_default();
+        assert!(error.contains(said), "{to}: {error}");
+    }
+}
