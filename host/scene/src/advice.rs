@@ -40,7 +40,7 @@ const SYNONYMS: [(&str, &str); 31] = [
 const SOLVERS: [&str; 2] = ["assembled", "frozen_single"];
 
 /// The fields of each table.
-const TABLES: [(&str, &[&str]); 16] = [
+const TABLES: [(&str, &[&str]); 17] = [
     (
         "",
         &[
@@ -54,6 +54,7 @@ const TABLES: [(&str, &[&str]); 16] = [
             "gravity",
             "body",
             "obstacle",
+            "tool",
             "contact",
             "device",
         ],
@@ -177,6 +178,7 @@ const TABLES: [(&str, &[&str]); 16] = [
         ],
     ),
     ("obstacle", &["shape", "poses", "friction"]),
+    ("tool", &["radius"]),
     ("contact", &["between", "friction"]),
     (
         "device.engage",
@@ -198,7 +200,7 @@ const TABLES: [(&str, &[&str]); 16] = [
 ];
 
 /// Examples of fields that are tables or lists.
-const EXAMPLES: [(&str, &str); 19] = [
+const EXAMPLES: [(&str, &str); 20] = [
     ("mesh", "mesh.file = \"liver.msh\""),
     (
         "material",
@@ -225,6 +227,7 @@ const EXAMPLES: [(&str, &str); 19] = [
     ("between", "between = [\"cloth\", \"ball\"]"),
     ("body", "[[body]]"),
     ("obstacle", "[[obstacle]]"),
+    ("tool", "[[tool]]"),
     ("contact", "[[contact]]"),
     ("device", "[[device]]"),
 ];
@@ -301,10 +304,6 @@ pub(super) fn of_field(field: &str, allowed: &str) -> String {
         })
         .collect();
     match lives.as_slice() {
-        [] if name == "tool" => {
-            "; tools are not implemented yet: a device feels a body by a [[body.handle]] only"
-                .to_owned()
-        }
         [] => meant(name, allowed),
         tables => format!("; did you mean {}?", tables.join(" or ")),
     }
@@ -354,6 +353,11 @@ force = [0, 0, -1]
 [[obstacle]]
 name = 'o'
 shape = 'plane'
+[[tool]]
+name = 't'
+device = 'd'
+radius = 0.01
+position = [0, 0, 0.2]
 [[contact]]
 between = ['b', 'o']
 [[device]]
@@ -369,7 +373,7 @@ model = 'falcon'
         let head = match table {
             "" => "name = 'a'\n".to_owned(),
             "body.mesh" => "cells = [1, 1, 1] }\n".to_owned(),
-            "body" | "device" | "obstacle" | "contact" | "body.support" | "body.load" => {
+            "body" | "device" | "obstacle" | "tool" | "contact" | "body.support" | "body.load" => {
                 format!("[[{table}]]\n")
             }
             _ => format!("[{table}]\n"),
@@ -435,7 +439,7 @@ model = 'falcon'
             ("body", "notch = []", "; did you mean `body.tear.notch`?"),
             ("host", "rate = 100", "; did you mean `loop.rate`?"),
             ("", "collision = {}", "; did you mean `contact`?"),
-            ("", "tool = []", "by a [[body.handle]] only"),
+            ("", "tools = []", "; did you mean `tool`?"),
             (
                 "body",
                 "contact = true",

@@ -296,11 +296,11 @@ impl HostTool {
         loop {
             sites.clear();
             for at in &order {
-                let place = self.near[*at].place;
-                let mut others = sites
-                    .iter()
-                    .map(|site| (self.near[*site].place - place).norm());
-                if others.all(|distance| distance > apart) {
+                // Each body near the tool has a site.
+                let Near { vertex, place, .. } = self.near[*at];
+                let others = sites.iter().map(|site| &self.near[*site]);
+                let mut others = others.filter(|other| other.vertex.body == vertex.body);
+                if others.all(|other| (other.place - place).norm() > apart) {
                     sites.push(*at);
                 }
             }

@@ -56,6 +56,7 @@ fn every_shipped_scene_loads() -> Outcome {
             "stretch",
             "tear_cloth",
             "thread",
+            "touch",
             "trousers",
             "twist",
             "two_people"

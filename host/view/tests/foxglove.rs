@@ -131,16 +131,16 @@ fn another_run_replaces_the_channels() {
     assert!(info.contains(r#""sessionId":"def""#), "{info}");
     assert_eq!(
         text(&mut client),
-        r#"{"op":"unadvertise","channelIds":[1,2,3,4]}"#
+        r#"{"op":"unadvertise","channelIds":[1,2,3,4,5]}"#
     );
-    assert!(text(&mut client).contains(r#""id":5,"topic":"/tick""#));
+    assert!(text(&mut client).contains(r#""id":6,"topic":"/tick""#));
     // The former subscription is gone, and the former number of the channel, too.
     server.give("/tick", 1, vec![0; 8]);
     let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":9,"channelId":1}]}"#;
     client.send(Message::text(subscribe)).expect("sent");
     assert!(text(&mut client).contains("channel 1 does not exist"));
     client
-        .send(Message::text(subscribe.replace(":1}", ":5}")))
+        .send(Message::text(subscribe.replace(":1}", ":6}")))
         .expect("sent");
     settle(&mut client);
     server.give("/tick", 2, vec![0; 8]);
