@@ -9,8 +9,8 @@ use nalgebra::UnitQuaternion;
 use physics::{Body, HandlePose};
 use rt_core::{Pose, TickRecord};
 
-/// Speed of a handle in excess of its hand's speed while it catches up (m/s).
-const CATCH_UP: f64 = 0.5;
+/// Speed of a handle, or of a tool, in excess of its hand's speed while it catches up (m/s).
+pub(super) const CATCH_UP: f64 = 0.5;
 /// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
@@ -161,6 +161,6 @@ impl<'a> Regrip<'a> {
 }
 
 /// The fraction of a displacement or a turn of `length` that is as long as `most`; `None` if the whole is no longer.
-fn shortened(length: f64, most: f64) -> Option<f64> {
+pub(super) fn shortened(length: f64, most: f64) -> Option<f64> {
     (length > most).then(|| most / length)
 }

@@ -10,6 +10,7 @@
 //! complex scenes", 1993). A vertex that was a site stays one while it is near.
 
 use super::body::HostBody;
+use super::hands::{CATCH_UP, shortened};
 use super::path::HandlePath;
 use super::plan::renderable;
 use crate::scene::LoadedScene;
@@ -18,12 +19,10 @@ use nalgebra::Isometry3;
 use physics::contact::distance::point_triangle;
 use physics::contact::obstacle::TimedPose;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
-use physics::{Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
+use physics::{Beside, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
 use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
 use rt_core::{Pose, TickRecord};
 
-/// Speed of a tool in excess of its hand's speed while it catches up (m/s).
-const CATCH_UP: f64 = 0.5;
 /// The ways of the tool until the next patch, by which the surface is published beyond its radius.
 const REACH: f64 = 2.0;
 /// The least of this reach, as a fraction of the radius.
@@ -154,12 +153,7 @@ impl HostTool {
         let way = target - self.centre;
         let most = (self.path.velocity().norm() + CATCH_UP) * (to - from);
         let before = self.centre;
-        self.centre += way
-            * if way.norm() > most {
-                most / way.norm()
-            } else {
-                1.0
-            };
+        self.centre += way * shortened(way.norm(), most).unwrap_or(1.0);
         let rows = [(from, before), (to, self.centre)].map(|(time, place)| TimedPose {
             time,
             pose: Isometry3::translation(place.x, place.y, place.z),
@@ -173,7 +167,8 @@ impl HostTool {
             .then_some((self.spec.device, &*self.patch))
     }
 
-    /// Makes the patch of a step that ended at `time_ns`. `epoch` counts the meshes that were replaced.
+    /// Makes the patch of a step that ended at `time_ns`. `epoch` counts the meshes that were replaced. There is no patch if a body
+    /// near the tool failed: the former patch ages, as the model of the body does.
     pub(super) fn publish(
         &mut self,
         contacts: &Contacts,
@@ -184,14 +179,15 @@ impl HostTool {
         self.find(contacts, bodies);
         self.load(contacts);
         self.choose();
-        let head = &mut self.patch.head;
-        head.sequence += 1;
-        (head.epoch, head.time_ns, head.period) = (epoch, time_ns, self.spec.period);
         self.fill(bodies);
         self.join();
-        self.yield_of(bodies);
-        self.floor();
-        self.is_published = true;
+        self.is_published = self.yield_of(bodies).is_some();
+        if self.is_published {
+            self.floor();
+            let head = &mut self.patch.head;
+            head.sequence += 1;
+            (head.epoch, head.time_ns, head.period) = (epoch, time_ns, self.spec.period);
+        }
     }
 
     /// Finds the triangles near the tool, with their vertices.
@@ -397,8 +393,8 @@ impl HostTool {
         self.patch.head.triangle_count = joined.len() as u8;
     }
 
-    /// The compliance and the damping of the sites.
-    fn yield_of(&mut self, bodies: &mut [HostBody]) {
+    /// The compliance and the damping of the sites; `None` if a body near the tool failed to step, or cannot be condensed.
+    fn yield_of(&mut self, bodies: &mut [HostBody]) -> Option<()> {
         let options = ShapeOptions {
             tolerance: TOLERANCE,
             at_a_time: RENEWED,
@@ -416,14 +412,9 @@ impl HostTool {
             let room = &mut self.compliance[number];
             let compliance = room.get_or_insert_with(|| Box::new(SiteCompliance::new(MAX_SITES)));
             let sites = self.slots.iter().map(|slot| on_body(slot).map(|v| v.node));
-            let stepping = &mut body.stepping;
-            let stepper = stepping.solver.stepper();
-            let renewed =
-                compliance.renew(stepper, &stepping.body, self.spec.period, sites, &options);
-            // A body that cannot be condensed does not yield until it can.
-            if renewed.is_err() {
-                continue;
-            }
+            let Beside { body, stepper } = body.beside()?;
+            let renewed = compliance.renew(stepper, body, self.spec.period, sites, &options);
+            renewed.ok()?;
             let head = &mut self.patch.head;
             head.damping = head.damping.max(compliance.damping());
             for (one, row) in self.patch.compliance.iter_mut().enumerate() {
@@ -435,6 +426,7 @@ impl HostTool {
                 }
             }
         }
+        Some(())
     }
 
     /// The stiffness of the resultant, and the floor: `1 / K_t - 1 / K` by direction, where it is positive.
