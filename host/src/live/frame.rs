@@ -58,6 +58,9 @@ pub struct Hello {
     /// Whether something may touch, so that the log has contacts.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub touches: bool,
+    /// Whether a device has a tool, so that the log has patches.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub has_tools: bool,
     /// The facts of the log's header: seed, version and others.
     pub facts: BTreeMap<String, String>,
     /// The text of the scene. Scene and files let a viewer build the bodies, to compute stresses. They are not sent to

@@ -61,6 +61,7 @@ impl Hello {
             bodies: bodies.collect(),
             obstacles: obstacle::infos(world),
             touches: scene.has_contact(),
+            has_tools: !scene.tools.is_empty(),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),

@@ -16,6 +16,8 @@
 //!   `/bodies/NAME/tears` (`palpate_msgs/msg/Tear`). The time of a message is the due time of the step.
 //! - With the channel of [`Group::Contacts`], the log of a scene with contact holds the contacts of every host step on the
 //!   channel `/contacts` (`palpate_msgs/msg/Contacts`). Replays skip this channel.
+//! - With the channel of [`Group::Tools`], the log of a scene with tools holds the patches that the tick received on the channel
+//!   `/patch` (`palpate_msgs/msg/Patch`), each before the first tick that uses it. A replay needs them.
 //! - The attachment `palpate.overview` at the end summarizes the run ([`overview`]), so that a player opens the log
 //!   by its index ([`index`]). It is not a file of the scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.

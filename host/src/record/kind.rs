@@ -33,6 +33,8 @@ pub enum Group {
     Tears,
     /// One channel, in the log of a scene with contact.
     Contacts,
+    /// One channel, in the log of a scene with tools.
+    Tools,
 }
 
 impl Group {

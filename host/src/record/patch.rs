@@ -103,7 +103,7 @@ impl PatchRow {
     }
 }
 
-kind! { PatchRow: "palpate_msgs/msg/Patch", Run, |_| "/patch".to_owned(); }
+kind! { PatchRow: "palpate_msgs/msg/Patch", Tools, |_| "/patch".to_owned(); }
 
 record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
     "# The surface near a tool, as the tick uses it. SI units; world axes.";

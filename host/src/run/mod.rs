@@ -421,6 +421,9 @@ fn observers(
     if scene.has_contact() {
         log.add(Group::Contacts, 0, "")?;
     }
+    if !scene.tools.is_empty() {
+        log.add(Group::Tools, 0, "")?;
+    }
     let log = LogObserver::new(log, loaded, options.clock, (frames, theirs), logged);
     Ok(observers.with(log))
 }

@@ -131,21 +131,47 @@ fn another_run_replaces_the_channels() {
     assert!(info.contains(r#""sessionId":"def""#), "{info}");
     assert_eq!(
         text(&mut client),
-        r#"{"op":"unadvertise","channelIds":[1,2,3,4,5]}"#
+        r#"{"op":"unadvertise","channelIds":[1,2,3,4]}"#
     );
-    assert!(text(&mut client).contains(r#""id":6,"topic":"/tick""#));
+    assert!(text(&mut client).contains(r#""id":5,"topic":"/tick""#));
     // The former subscription is gone, and the former number of the channel, too.
     server.give("/tick", 1, vec![0; 8]);
     let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":9,"channelId":1}]}"#;
     client.send(Message::text(subscribe)).expect("sent");
     assert!(text(&mut client).contains("channel 1 does not exist"));
     client
-        .send(Message::text(subscribe.replace(":1}", ":6}")))
+        .send(Message::text(subscribe.replace(":1}", ":5}")))
         .expect("sent");
     settle(&mut client);
     server.give("/tick", 2, vec![0; 8]);
     assert_eq!(tick(&mut client), 2);
     server.end().expect("served");
+}
+
+/// A scene pays for no channel that it does not use: contacts and patches have channels where a log has them.
+#[test]
+fn a_scene_with_contact_and_tools_has_their_channels() {
+    let basic = ["/tick", "/model", "/bodies/sheet", "/bodies/sheet/frame"];
+    for (touches, has_tools) in [(false, false), (true, false), (true, true)] {
+        let server = Server::start(
+            Hello {
+                touches,
+                has_tools,
+                ..hello()
+            },
+            None,
+        );
+        let mut client = try_join(&server, &[]).expect("admitted");
+        assert!(text(&mut client).starts_with(r#"{"op":"serverInfo""#));
+        let offer: serde_json::Value = serde_json::from_str(&text(&mut client)).expect("JSON");
+        let offered = offer["channels"].as_array().expect("a list").iter();
+        let topics: Vec<_> = (offered.map(|channel| channel["topic"].as_str().unwrap())).collect();
+        let contacts = touches.then_some("/contacts");
+        let patches = has_tools.then_some("/patch");
+        let expected: Vec<_> = (basic.into_iter().chain(contacts).chain(patches)).collect();
+        assert_eq!(topics, expected);
+        server.end().expect("served");
+    }
 }
 
 #[test]

@@ -213,7 +213,9 @@ fn a_client_receives_the_messages_of_the_log() {
             "took_ns",
             "devices",
             "bodies",
-            "readings"
+            "readings",
+            "patches",
+            "touch"
         ])
     );
 

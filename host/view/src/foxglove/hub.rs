@@ -202,12 +202,14 @@ fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
     let frames =
         bodies.flat_map(|body| [Cloud::channel(&body.name), BodyFrame::channel(&body.name)]);
     let contacts = hello.touches.then(|| Group::Contacts.channels(""));
+    let patches = hello.has_tools.then(|| Group::Tools.channels(""));
     let obstacles = hello.obstacles.iter().map(|obstacle| ChannelInfo {
         topic: obstacle_topic(&obstacle.name),
         ..Cloud::channel("")
     });
     let all = Group::Run.channels("").chain(frames);
-    let all = all.chain(contacts.into_iter().flatten()).chain(obstacles);
+    let all = all.chain(contacts.into_iter().flatten());
+    let all = all.chain(patches.into_iter().flatten()).chain(obstacles);
     let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
         topic: info.topic,
