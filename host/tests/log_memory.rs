@@ -31,7 +31,7 @@ const GROWTH: usize = 100_000;
 
 /// A scene whose steps are fast, with two devices.
 fn scene() -> Result<LoadedScene, Box<dyn Error>> {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     Ok(Scene::load(&scenes.join("thread.toml"))?)
 }
 

@@ -2,8 +2,6 @@
 //! version for every x86-64 processor. In other builds these tests are part of the rooms' programs.
 #![cfg(palpate_one_version)]
 
-mod common;
-mod common_kernels;
 #[path = "linear/factor.rs"]
 mod factor;
 #[path = "motion/stepper.rs"]

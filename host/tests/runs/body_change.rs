@@ -1,7 +1,6 @@
 //! Changes of a body in the host loop: hands take hold and let go, supports come and go, and a mesh is replaced while
 //! the body moves. The new solver is made in the background, and the old one serves until then.
 
-use crate::rig;
 use host::world::World;
 
 use host::engine::Engine;
@@ -12,9 +11,9 @@ use host::engine::virtual_coupling::Spring;
 use host::scene::spec::{SchemeName, SolverName};
 use host::scene::{LoadedScene, Scene};
 use physics::{Body, BodyMap, Border, Freedom, HandleSpec};
-use rig::{MS, Rig, Still};
 use rt_core::{LocalModel, Pose, TickRecord, Vec3};
 use std::collections::BTreeMap;
+use support::rig::{MS, Rig, Still};
 
 /// Ticks between two host steps: 250 Hz.
 const TICKS: u64 = 4;

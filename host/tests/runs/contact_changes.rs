@@ -1,6 +1,5 @@
 //! Bodies that touch while they tear, are changed, lose their device, or wait for a host that pauses.
 
-use crate::rig::{MS, Still};
 use crate::touching_scenes::{BLOCKS, DEVICES, sheet};
 use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
@@ -15,6 +14,7 @@ use host::world::World;
 use physics::{Body, BodyMap, Vec3};
 use rt_core::{Pose, TickRecord};
 use std::collections::BTreeMap;
+use support::rig::{MS, Still};
 
 fn load(text: &str) -> LoadedScene {
     Scene::load_texts("x.toml", text, &BTreeMap::new()).expect("a scene")

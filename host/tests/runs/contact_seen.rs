@@ -17,7 +17,7 @@ use std::path::Path;
 type Outcome = Result<(), Box<dyn Error>>;
 
 fn scene(name: &str) -> Result<LoadedScene, Box<dyn Error>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
     Ok(Scene::load(&folder.join(name))?)
 }
 

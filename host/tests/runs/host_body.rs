@@ -1,15 +1,14 @@
 //! A body in the host loop after a stall: a handle catches up with its hand at a speed that a hand could have, no model
 //! is published until then, and no tick is published twice. The tests use the engine, on the built-in sheet.
 
-use crate::rig;
 use host::world::World;
 
 use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
 use host::engine::pacer::Due;
 use host::scene::Scene;
-use rig::{Rig, Still};
 use rt_core::Vec3;
+use support::rig::{Rig, Still};
 
 /// A speed (m/s) that a handle never reaches while it catches up with a resting hand. It is above the limit of the
 /// engine (0.5 m/s beyond the speed of the hand), and far below the speed that would cover the displacement of these

@@ -1,6 +1,5 @@
 //! Two bodies of the engine that are joined by springs.
 
-use crate::rig::{MS, Still};
 use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
 use host::engine::change::Edit;
@@ -13,6 +12,7 @@ use physics::{Body, BodyMap, Vec3};
 use rt_core::{Pose, TickRecord};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
+use support::rig::{MS, Still};
 
 /// Stiffness of a spring in every direction (N/m).
 const STIFFNESS: f64 = 40.0;

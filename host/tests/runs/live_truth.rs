@@ -48,7 +48,7 @@ impl Observer for Frames {
 }
 
 fn scene(name: &str) -> Result<LoadedScene, Box<dyn Error>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     Ok(Scene::load(&folder.join(name))?)
 }
 

@@ -19,7 +19,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 const DURATION: f64 = 0.6;
 
 fn scene(name: &str) -> Result<LoadedScene, Box<dyn Error>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     Ok(Scene::load(&folder.join(name))?)
 }
 

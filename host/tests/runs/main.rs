@@ -1,8 +1,5 @@
 //! Whole runs of the host: what they compute, and what they show and store. They are one program, because each program compiles the generic solvers anew and is linked anew.
 
-#[path = "../rig/mod.rs"]
-mod rig;
-
 mod body_change;
 mod contact_changes;
 mod contact_seen;

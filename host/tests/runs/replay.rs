@@ -70,7 +70,7 @@ fn a_run_under_the_real_clock_replays_exactly() -> Outcome {
 /// The log contains the mesh and the recordings that the scene names.
 #[test]
 fn a_log_needs_no_other_file() -> Outcome {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let loaded = Scene::load(&scenes.join("cloth.toml"))?;
     let log = Log::parse(&logged(&loaded, Clock::Virtual, 0.3)?)?;
     assert_eq!(log.files, loaded.files);

@@ -13,7 +13,7 @@ use std::path::Path;
 /// A shipped scene whose steps are shared by this number of threads.
 fn scene(name: &str, threads: usize) -> Result<LoadedScene, Box<dyn Error>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("scenes")
+        .join("../scenes")
         .join(name);
     let text = std::fs::read_to_string(path)?;
     let text = text.replacen("[host]\n", &format!("[host]\nthreads = {threads}\n"), 1);

@@ -1,7 +1,6 @@
 //! Holds that no hand had paid for: after a stall, under a slew limit, after a fast press. The proxy slips, and the force
 //! becomes that of the body at the pose of the proxy.
 
-use crate::rig::Rig;
 use host::engine::build::BuildOptions;
 use host::engine::faults::{FaultKind, HostFault};
 use host::log::Log;
@@ -13,6 +12,7 @@ use rt_core::{Pose, Vec3};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write;
+use support::rig::Rig;
 
 type Outcome = Result<(), Box<dyn Error>>;
 

@@ -9,7 +9,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes");
 
 /// A shipped scene with an additional line under `[host]`.
 fn with(name: &str, line: &str) -> Result<LoadedScene, Box<dyn Error>> {

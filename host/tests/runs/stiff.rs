@@ -153,7 +153,7 @@ fn a_body_that_its_device_cannot_render_comes_to_rest_and_is_told() -> Outcome {
 
 #[test]
 fn two_hands_on_a_banknote_feel_no_blow_before_they_move() -> Outcome {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let loaded = Scene::load(&scenes.join("banknote_shear.toml"))?;
     let (summary, forces) = forces(&loaded, 0.4)?;
     for forces in forces {
@@ -172,7 +172,7 @@ fn two_hands_on_a_banknote_feel_no_blow_before_they_move() -> Outcome {
 /// which the springs moved the handles until the note stored 25 kJ.
 #[test]
 fn a_note_that_tears_out_of_its_plane_is_felt_as_paper() -> Outcome {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let mut loaded = Scene::load(&scenes.join("banknote_shear.toml"))?;
     // The first edge opens at 1.6 N, and the next ones at 2.7 N. A bend of stiff paper that moves on by an edge lets 0.6 N go
     // within a step. With the other seed a cut once made narrow triangles of the fold, and the hands felt 12 N for 3 ms.
@@ -234,7 +234,7 @@ fn a_plan_names_each_direction_that_the_device_cannot_render() -> Outcome {
 
 #[test]
 fn a_plan_names_the_handles_of_a_stiff_motion_and_the_turns() -> Outcome {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let found = planned(&Scene::load(&scenes.join("banknote_shear.toml"))?)?;
     // Along the note and across it, one hand against the other.
     assert_eq!(found.len(), 2, "{found:?}");

@@ -1,7 +1,6 @@
 //! Changes of bodies that tear or touch: hands take hold of a sheet that tears on, and another mesh takes over on a floor,
 //! under another body, and after a pause of the host.
 
-use crate::rig::Rig;
 use crate::touching_scenes::{BLOCKS, DEVICES, sheet};
 use host::engine::build::BuildOptions;
 use host::engine::change::{ChangeError, Edit, Grip};
@@ -12,6 +11,7 @@ use physics::{Body, BodyMap, Border, Freedom, HandleSpec, Vec3};
 use proptest::prelude::*;
 use rt_core::Pose;
 use std::collections::BTreeMap;
+use support::rig::Rig;
 
 /// Ticks between two host steps: 250 Hz.
 const TICKS: u64 = 4;

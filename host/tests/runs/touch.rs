@@ -14,7 +14,7 @@ use std::fs;
 use std::path::Path;
 
 fn shipped() -> LoadedScene {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     Scene::load(&scenes.join("touch.toml")).unwrap()
 }
 

@@ -63,7 +63,7 @@ fn sleeve() -> String {
 
 /// The scene `sleeve.toml` with its text changed.
 fn changed(change: impl Fn(String) -> String, obj: &str) -> Result<LoadedScene, String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/sleeve.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/sleeve.toml");
     let text = change(fs::read_to_string(path).unwrap());
     let files = BTreeMap::from([("meshes/sleeve.obj".to_owned(), obj.as_bytes().to_vec())]);
     Scene::load_texts("sleeve.toml", &text, &files).map_err(|error| error.to_string())
@@ -104,7 +104,7 @@ fn check(body: &BodySolution, rigidity: f64) {
 
 #[test]
 fn the_shipped_sleeve_is_this_sleeve() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes/sleeve.obj");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/meshes/sleeve.obj");
     assert!(fs::read_to_string(path).unwrap() == sleeve());
 }
 

@@ -158,7 +158,7 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
 fn no_shipped_scene_has_a_warning() {
     let mut paths = Vec::new();
     scenes(
-        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes")),
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes")),
         &mut paths,
     );
     assert!(paths.len() >= 13, "{paths:?}");

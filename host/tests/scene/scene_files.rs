@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
-const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes");
 
 fn error(loaded: Result<LoadedScene, impl Error>) -> String {
     loaded.map_or_else(|error| error.to_string(), |_| "no error".to_owned())

@@ -483,7 +483,7 @@ fn the_scenes_of_tearing_have_a_notch_beside_their_hands() -> Outcome {
         "trousers",
     ];
     for name in names {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.toml"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenes/{name}.toml"));
         let loaded = Scene::load(&path)?;
         let built = World::new(&loaded)?.bodies.remove(0);
         let tear = built.tear.as_ref().ok_or("a scene of tearing tears")?;

@@ -1,8 +1,5 @@
 //! Static solutions. They are one program, because each program compiles the generic solvers anew and is linked anew.
 
-#[path = "../solve_support/mod.rs"]
-mod solve_support;
-
 mod needles;
 mod solve;
 mod solve_contact;

@@ -4,13 +4,13 @@
 //! A strip of 200 x 50 x 1 mm without lateral contraction is clamped at one end, and its other end is moved by 20 µm: across
 //! the strip against `3 E I / L^3`, or in its plane against the beam of Timoshenko.
 
-use crate::solve_support::force;
 use host::scene::{LoadedScene, Scene};
 use host::solve::{Frame, solve};
 use host::world::World;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Write;
+use support::solve::force;
 
 const LENGTH: f64 = 0.2;
 const WIDTH: f64 = 0.05;

@@ -1,12 +1,11 @@
 //! `palpate solve`: scenes with supports and loads, compared with reference forces, statics and the theory of beams.
 
-use crate::solve_support;
 use host::world::World;
 
 use host::solve::{Frame, solve};
 use meshio::write_vtu::Values;
-use solve_support::{body, cube, force, load, solved};
 use std::convert::Infallible;
+use support::solve::{body, cube, force, load, solved};
 
 fn refusal(text: &str) -> String {
     match World::new(&load(text)) {

@@ -1,14 +1,13 @@
 //! Equilibria of bodies that touch: what rests on something presses on it with its weight.
 
-use crate::solve_support;
 use host::scene::Scene;
 use host::solve::{Frame, PairRow, PairSolution, solve};
 use host::world::World;
 use meshio::write_gmsh::write_solid;
 use meshio::write_vtu::Values;
 use physics::mesh::generate_box::graded_box;
-use solve_support::{load, solved};
 use std::convert::Infallible;
+use support::solve::{load, solved};
 
 const DENSITY: f64 = 1000.0;
 const GRAVITY: f64 = 9.81;

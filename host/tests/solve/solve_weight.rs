@@ -1,13 +1,12 @@
 //! A static solve lets a body settle under its weight before displacements and loads grow. Compared with the theory of
 //! bars.
 
-use crate::solve_support;
 use host::world::World;
 
 use host::scene::Scene;
 use host::solve::{Frame, solve};
-use solve_support::{body, cube, force, load, solved};
 use std::convert::Infallible;
+use support::solve::{body, cube, force, load, solved};
 
 const YOUNG: f64 = 20e3;
 const LENGTH: f64 = 0.2;

@@ -19,6 +19,19 @@ fn side(points: [&Vec3; 4]) -> f64 {
 
 /// Whether the edge `pq` passes through the triangle `abc`.
 pub fn passes([p, q]: [&Vec3; 2], [a, b, c]: [&Vec3; 3]) -> bool {
+    // Most pairs of an edge and a triangle lie apart along an axis.
+    let is_apart = |axis: usize| {
+        let corners = [a[axis], b[axis], c[axis]];
+        corners
+            .iter()
+            .all(|corner| *corner < p[axis] && *corner < q[axis])
+            || corners
+                .iter()
+                .all(|corner| *corner > p[axis] && *corner > q[axis])
+    };
+    if (0..3).any(is_apart) {
+        return false;
+    }
     let (from, to) = (side([p, a, b, c]), side([q, a, b, c]));
     // The signs are compared, because the product of two small volumes may be zero.
     let is_between = (from > 0.0 && to < 0.0) || (from < 0.0 && to > 0.0);

@@ -1,8 +1,6 @@
 //! Clamped borders of sheets: deflections against theory, the moment on the hand, rigid motions, local models, and changes
 //! of the constraints, at rest and in motion.
 
-use crate::common;
-
 use common::*;
 use nalgebra::UnitQuaternion;
 use physics::mesh::TriMesh;

@@ -1,7 +1,5 @@
 //! Bad input: each kind is refused by name, and nothing panics.
 
-use crate::common;
-
 use common::*;
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, BodyError, Border, Freedom, HandleSpec, Material, Vec3};

@@ -1,7 +1,5 @@
 //! The exchange of a body for another body of the same mesh and another material.
 
-use crate::common;
-
 use common::*;
 use physics::{
     Body, BodyConfig, BodyError, BodyMap, Freedom, HandlePose, Material, Stepper, StepperOptions,

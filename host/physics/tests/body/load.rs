@@ -1,7 +1,5 @@
 //! Loads per length as forces on vertices: totals, moments, and stress in balance with itself.
 
-use crate::common;
-
 use common::irregular;
 use physics::body::load::{Spread, edge_traction, spread_on_solid, traction};
 use physics::mesh::generate_plate::{HoledPlate, Rays, plate_with_hole};

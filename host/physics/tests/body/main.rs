@@ -1,8 +1,5 @@
 //! Tests of `body`. They are one program, because each program compiles the generic solvers anew.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod border;
 mod errors;
 mod exchange;

@@ -1,7 +1,5 @@
 //! A body that continues the motion of a body with another mesh, along a map of vertices and handles.
 
-use crate::common;
-
 use common::*;
 use nalgebra::UnitQuaternion;
 use physics::mesh::TriMesh;

@@ -1,7 +1,5 @@
 //! The wrench that a local model predicts for a steadily moving hand, against the steps that follow the model.
 
-use crate::common;
-
 use common::*;
 use physics::{
     Body, BodyConfig, Border, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Precision,

@@ -1,8 +1,5 @@
 //! Tests of `condense`. They are one program, because each program compiles the generic solvers anew.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod compliance;
 mod drift;
 mod perturbation;

@@ -1,7 +1,5 @@
 //! The condensation compared with perturbing a handle and running the step again, and the limits of the condensation.
 
-use crate::common;
-
 use common::*;
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::{Clipper, Square};

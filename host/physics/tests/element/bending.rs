@@ -1,8 +1,6 @@
 //! Bending compared with plate theory: a cylinder, a saddle and a cap, affine maps, which must not bend the sheet, and
 //! deflections on many kinds of mesh.
 
-use crate::common;
-
 use common::*;
 use physics::body::load::spread_on_sheet;
 use physics::mesh::TriMesh;
@@ -335,7 +333,7 @@ const GMSH: [&str; 3] = ["frontal", "delaunay", "meshadapt"];
 
 /// A square of this side from the folder `meshes`.
 fn from_file(name: &str, cells: u32, side: f64) -> TriMesh {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/meshes");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/meshes");
     let text = std::fs::read_to_string(format!("{folder}/{name}_{cells}.obj")).unwrap();
     let mut mesh = TriMesh::default();
     for line in text.lines() {

@@ -1,8 +1,6 @@
 //! Sheets that are cut out of flat patterns and sewn: sleeves and cones relax to the shapes that their patterns make, a
 //! pattern that says nothing new changes nothing, and wrong patterns are refused.
 
-use crate::common;
-
 use common::*;
 use physics::mesh::{FlatPattern, MeshError, PatternError, TriMesh};
 use physics::{

@@ -1,10 +1,5 @@
 //! Tests of `element`. They are one program, because each program compiles the generic solvers anew.
 
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common_kernels/mod.rs"]
-mod common_kernels;
-
 mod bending;
 mod cost;
 mod flat_pattern;

@@ -1,7 +1,5 @@
 //! The membrane compared with the theory of elasticity: patch tests, rotations, strips, energy and tangents.
 
-use crate::common;
-
 use common::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::element::triangle::membrane::Membrane;

@@ -1,7 +1,5 @@
 //! Tetrahedra compared with the theory of elasticity: laws, patch tests, rigid motions, tangents, momentum.
 
-use crate::common;
-
 use common::{Random, cube};
 use nalgebra::Rotation3;
 use physics::material::law::{

@@ -1,10 +1,7 @@
 //! Quadratic tetrahedra in blocks, straight and curved, against the exact form, and the properties of the stiffness.
 
-use crate::common;
-use crate::common_kernels;
-
+use common::kernels::{difference, dot, hash, materials, nodes, vectors, zeros};
 use common::{Random, block, cube};
-use common_kernels::{difference, dot, hash, materials, nodes, vectors, zeros};
 use physics::element::VectorForm;
 use physics::element::tet::cell::QuadraticTet;
 use physics::element::tet::hooke::QuadraticTets;

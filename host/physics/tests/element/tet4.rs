@@ -1,10 +1,7 @@
 //! Linear tetrahedra in blocks against the exact form, and the properties of the stiffness.
 
-use crate::common;
-use crate::common_kernels;
-
+use common::kernels::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use common::{Random, block, cube};
-use common_kernels::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use physics::element::tet::hooke::Tets;
 use physics::element::tet::shape::Tet4;
 use physics::element::tet::solid::Solid;

@@ -1,10 +1,7 @@
 //! Triangles in blocks against `membrane`: forces, energy and the blocks of the tangent.
 
-use crate::common;
-use crate::common_kernels;
-
+use common::kernels::{difference, dot, hash, nodes, vectors, zeros};
 use common::{Random, Split, grid, irregular, rubber};
-use common_kernels::{difference, dot, hash, nodes, vectors, zeros};
 use nalgebra::{Rotation3, Unit};
 use physics::element::VectorForm;
 use physics::element::triangle::membrane::Membrane;

@@ -1,8 +1,6 @@
 //! Threads: forces compared with analytic ones, the tangent compared with differences, hanging and vibrating threads
 //! compared with theory.
 
-use crate::common;
-
 use common::Random;
 use nalgebra::UnitQuaternion;
 use physics::mesh::LineMesh;

@@ -1,8 +1,6 @@
 //! Triangles of woven sheets compared with the theory of elasticity: the isotropic membrane, derivatives, rigid
 //! motions, strips, and materials that are refused.
 
-use crate::common;
-
 use common::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::element::triangle::membrane::{Element, Membrane};

@@ -1,8 +1,6 @@
 //! The frozen factor and its panels compared with the factorization by `faer` with its own order, on a solid and on a
 //! sheet with bending.
 
-use crate::common;
-
 use alloc_count::calls::count;
 use common::{Random, rubber, tight};
 use physics::linear::cholesky::Cholesky;

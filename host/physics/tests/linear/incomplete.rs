@@ -1,7 +1,5 @@
 //! The incomplete factor: exact for matrices without fill, symmetric, and positive definite for every matrix.
 
-use crate::common;
-
 use common::{Random, block};
 use physics::linear::factor::Factor;
 use physics::linear::incomplete::Blocks;

@@ -1,8 +1,6 @@
 //! Laws of sheets compared with the theory of elasticity: derivatives, rotations, off-axis moduli, the limit of
 //! stability, and extreme gradients.
 
-use crate::common;
-
 use common::Random;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use physics::material::sheet_law::{

@@ -1,8 +1,6 @@
 //! Solids compared with solutions of beams. `palpate bench accuracy` has more such comparisons, by mesh and order, and
 //! its study has its own tests.
 
-use crate::common;
-
 use common::{block, cube};
 use physics::body::load::traction;
 use physics::mesh::{Cells, TetMesh};

@@ -3,8 +3,6 @@
 //! Piola-Kirchhoff stress, which is the St. Venant-Kirchhoff law. If the program is not installed, the test reports
 //! it and passes.
 
-use crate::common;
-
 use common::block;
 use physics::body::load::traction;
 use physics::mesh::{Cells, TetMesh};

@@ -1,7 +1,5 @@
 //! Equilibria compared with reference forces and analytic solutions.
 
-use crate::common;
-
 use common::cube;
 use physics::mesh::{TetMesh, TriMesh};
 use physics::{

@@ -1,7 +1,5 @@
 //! The guard, the bound on the energy at the end of a step. The guard acts only if a step would create energy.
 
-use crate::common;
-
 use common::{Random, Split, block, cube, grid, handle, rest_poses};
 use physics::{
     Body, BodyConfig, Freedom, Integrator, IntegratorOptions, Material, SolidLaw, SolidMaterial,

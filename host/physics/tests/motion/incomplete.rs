@@ -1,8 +1,6 @@
 //! Steps on the incomplete factor are those on the complete factor. The incomplete factor takes less memory, and on
 //! finer meshes it needs few more iterations.
 
-use crate::common;
-
 use common::{Split, block, grid, handle, rest_poses};
 use physics::linear::dense::Square;
 use physics::mesh::generate_box::solid_box;

@@ -1,7 +1,5 @@
 //! Time schemes: order, energy, momentum, recovery, and the state after a step that fails.
 
-use crate::common;
-
 use common::{Random, cube};
 use nalgebra::Rotation3;
 use physics::{

@@ -1,7 +1,5 @@
 //! The realtime step on bodies that start mirrored: a body gains no energy, and a body whose law permits it recovers.
 
-use crate::common;
-
 use common::Random;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, BodyConfig, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3};

@@ -1,8 +1,5 @@
 //! Tests of `motion`. They are one program, because each program compiles the generic solvers anew.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 #[global_allocator]
 static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 

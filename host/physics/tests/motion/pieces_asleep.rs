@@ -1,7 +1,7 @@
 //! Pieces of a torn sheet that lie still sleep while the rest of the sheet moves.
 
-use crate::common::Random;
 use crate::contacts::{DOWN, H, RADIUS, World, sheet};
+use common::Random;
 use nalgebra::Isometry3;
 use physics::contact::obstacle::{Motion, TimedPose};
 use physics::contact::shape::Shape;

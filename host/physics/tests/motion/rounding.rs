@@ -1,8 +1,6 @@
 //! The limits by rounding: bodies so stiff, loads so small or positions so far away that digits run out. A problem that
 //! can be solved is solved. A problem that cannot be solved is reported as unsolved.
 
-use crate::common;
-
 use common::{Split, cube, grid, handle, rest_poses};
 use physics::{
     Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, Integrator,

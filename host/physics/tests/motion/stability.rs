@@ -1,8 +1,6 @@
 //! Extreme motions of hands and extreme meshes of solids: every number stays finite, and no energy is created. This is
 //! the quick part of the stress suite.
 
-use crate::common;
-
 use common::{Random, block, cube};
 use physics::mesh::TetMesh;
 use physics::{

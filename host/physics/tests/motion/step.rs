@@ -1,7 +1,5 @@
 //! The time step: momentum, weight, handles, stability and budgets.
 
-use crate::common;
-
 use common::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;

@@ -1,8 +1,6 @@
 //! The realtime step is the assembled step: it gives the same state and the same forces on hands and supports for every
 //! body.
 
-use crate::common;
-
 use common::{Random, Split, block, grid, handle, rest_poses};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;

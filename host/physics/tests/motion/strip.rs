@@ -1,7 +1,5 @@
 //! Sheets in equilibrium: strips of every law, and the off-axis modulus of a woven one.
 
-use crate::common;
-
 use common::{Split, grid, irregular};
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SheetLawName, Vec3, Weave};

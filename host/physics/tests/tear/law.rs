@@ -1,7 +1,5 @@
 //! The laws of tearing: energy release rates and paths of sheets in equilibrium, and strength.
 
-use crate::common;
-
 use std::collections::BTreeMap;
 
 use alloc_count::calls::count;

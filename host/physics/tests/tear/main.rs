@@ -1,8 +1,5 @@
 //! Tests of tears. They are one program, because each program compiles the generic solvers anew.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod body;
 mod elements;
 mod law;

@@ -1,7 +1,5 @@
 //! A torn sheet is solved with the factor of the whole sheet.
 
-use crate::common;
-
 use alloc_count::calls::count;
 use common::{Random, Split, grid, handle};
 use physics::linear::factor::Factor;

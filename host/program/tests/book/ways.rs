@@ -183,6 +183,16 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         "palpate stress endings",
         Arguments("host/program/tests/ways_out.rs runs it"),
     ),
+    ("palpate compare", With("--duration 1")),
+    ("palpate compare --plot schemes.svg", With("--duration 1")),
+    (
+        "palpate compare my_scene.toml --plot schemes.svg",
+        With("--duration 1"),
+    ),
+    (
+        "palpate compare my_scene.toml --schemes linear,capped --publish-rates 25,125",
+        With("--duration 1"),
+    ),
     ("palpate stress wall --plot wall.svg", With(CELLS)),
     (
         "palpate stress wall my_device.toml falcon --plot my_walls.svg",

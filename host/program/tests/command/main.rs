@@ -1,8 +1,5 @@
 //! The commands from outside: their output, their files and their exit codes. They are one program, so that long commands run side by side.
 
-#[path = "../../../tests/solve_support/mod.rs"]
-mod solve_support;
-
 mod accuracy;
 mod bad_meshes;
 mod compare;

@@ -1,14 +1,13 @@
 //! `palpate solve` and `palpate mesh`: their output, files and exit codes.
 
-use crate::solve_support;
 use host::world::World;
 
 use host::scene::Scene;
 use host::solve::{Frame, solve};
-use solve_support::{body, cube, force};
 use std::convert::Infallible;
 use std::fmt::Write as _;
 use std::process::Command;
+use support::solve::{body, cube, force};
 
 /// The output, the files and the exit codes of the program.
 #[test]

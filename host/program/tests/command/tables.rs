@@ -1,15 +1,13 @@
 //! `palpate run --csv, --force-displacement, --vtu` and `palpate solve --csv, --force-displacement`: files, messages and
 //! exit codes.
 
-use crate::solve_support;
-
-use solve_support::{body, cube, force};
 use std::error::Error;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
+use support::solve::{body, cube, force};
 
 type Outcome = Result<(), Box<dyn Error>>;
 

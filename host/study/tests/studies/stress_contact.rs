@@ -4,23 +4,23 @@ use study::stress::contact::{Length, cell};
 
 #[test]
 fn worlds_that_once_failed_give_no_energy_and_cross_nothing() {
-    // A light piece that hangs on pairs alone, with the loss of a device; an animated mesh with a moved cylinder; a sheet that
-    // tears at a solid under all faults; a sphere that moves over a vertex which truncation stopped; hands that stretch a
-    // sheet before its first model comes; and a vertex that a sphere stops step after step, until rounding takes it inside.
-    for (seed, number) in [
-        (977, 1),
-        (977, 2),
-        (101, 4),
-        (303, 0),
-        (14003, 3),
-        (12003, 2),
-    ] {
+    // An animated mesh with a moved cylinder; a sheet that tears at a solid under all faults; a sphere that moves over a vertex
+    // which truncation stopped; hands that stretch a sheet before its first model comes; and a vertex that a sphere stops step
+    // after step, until rounding takes it inside.
+    for (seed, number) in [(977, 2), (101, 4), (303, 0), (14003, 3), (12003, 2)] {
         judge(seed, number, Length::Quick);
     }
     // An obstacle leaves a thread that was held back. The contacts stop the thread now, and nothing is truncated.
     let found = cell(404, 5, Length::Quick);
     assert!(found.touched > 0);
     assert_eq!(found.failures, [""; 0]);
+}
+
+#[test]
+#[ignore = "two minutes: the jam takes many iterations in each step"]
+fn a_light_piece_in_a_jam_gives_no_energy() {
+    // A light piece that hangs on pairs alone, with the loss of a device.
+    judge(977, 1, Length::Quick);
 }
 
 #[test]

@@ -10,10 +10,10 @@ use host::world::World;
 use rt_core::{LocalModel, Pose, TickRecord};
 
 /// The tick's period (ns).
-pub(crate) const MS: u64 = 1_000_000;
+pub const MS: u64 = 1_000_000;
 
 /// A clock that stands still, because no state depends on it.
-pub(crate) struct Still;
+pub struct Still;
 
 impl Stopwatch for Still {
     fn now_ns(&self) -> u64 {
@@ -22,19 +22,20 @@ impl Stopwatch for Still {
 }
 
 /// The engine of a scene, and the hands of its devices.
-pub(crate) struct Rig {
-    pub(crate) engine: Engine,
+pub struct Rig {
+    /// The engine of one body.
+    pub engine: Engine,
     /// The pose of each hand while nothing moves it, by device. At first, device `i` holds handle `i`.
-    pub(crate) rest: Vec<Pose>,
+    pub rest: Vec<Pose>,
     /// Number of the next tick.
-    pub(crate) tick: u64,
+    pub tick: u64,
     /// The models so far.
-    pub(crate) published: Vec<LocalModel>,
+    pub published: Vec<LocalModel>,
 }
 
 impl Rig {
     /// The rig of a scene with one body, at rest. It has published nothing.
-    pub(crate) fn new(loaded: &LoadedScene, how: BuildOptions) -> Self {
+    pub fn new(loaded: &LoadedScene, how: BuildOptions) -> Self {
         let world = World::new(loaded).unwrap();
         let bodies = bodies(&world, how).expect("it can be built");
         let contact = Contact::new(&world, &bodies).expect("contacts");
@@ -55,7 +56,7 @@ impl Rig {
     }
 
     /// Runs `count` ticks. `place` moves the hands from their rest in the tick of a number.
-    pub(crate) fn follow(&mut self, count: u64, place: impl Fn(u64, &mut [Pose])) {
+    pub fn follow(&mut self, count: u64, place: impl Fn(u64, &mut [Pose])) {
         for _ in 0..count {
             let mut record = TickRecord::empty();
             record.tick = self.tick;
@@ -72,7 +73,7 @@ impl Rig {
     }
 
     /// Takes a step that is due to publish. Returns the number of published models.
-    pub(crate) fn step(&mut self) -> usize {
+    pub fn step(&mut self) -> usize {
         let before = self.published.len();
         let due = Due {
             time_ns: self.tick * MS,

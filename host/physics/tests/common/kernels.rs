@@ -1,5 +1,4 @@
 //! Builds the elements and the node vectors of the realtime step from meshes.
-#![allow(dead_code)]
 
 use physics::element::tet::cell::Tet;
 use physics::material::law::Lame;
@@ -7,12 +6,12 @@ use physics::mesh::{Cells, TetMesh};
 use physics::{Mat3, Node, Real, SolidMaterial, Vec3};
 
 /// The largest norm.
-pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
+pub fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
     values.map(|value| value.norm()).fold(0.0, f64::max)
 }
 
 /// A list of materials in which two materials alternate.
-pub(crate) fn materials(count: usize) -> Vec<SolidMaterial> {
+pub fn materials(count: usize) -> Vec<SolidMaterial> {
     let material = |element: usize| SolidMaterial {
         young: if element.is_multiple_of(2) { 1e4 } else { 3e4 },
         poisson: if element.is_multiple_of(2) { 0.45 } else { 0.0 },
@@ -22,7 +21,7 @@ pub(crate) fn materials(count: usize) -> Vec<SolidMaterial> {
 }
 
 /// The cells of a linear mesh.
-pub(crate) fn cells(mesh: &TetMesh) -> &[[u32; 4]] {
+pub fn cells(mesh: &TetMesh) -> &[[u32; 4]] {
     match &mesh.cells {
         Cells::Linear(cells) => cells,
         Cells::Quadratic(_) => &[],
@@ -30,7 +29,7 @@ pub(crate) fn cells(mesh: &TetMesh) -> &[[u32; 4]] {
 }
 
 /// The cells with these materials. The vertices are the nodes.
-pub(crate) fn tets(mesh: &TetMesh) -> Vec<Tet> {
+pub fn tets(mesh: &TetMesh) -> Vec<Tet> {
     let tet = |(nodes, material): (&[u32; 4], SolidMaterial)| {
         let x = nodes.map(|node| mesh.positions[node as usize]);
         let edges = Mat3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]);
@@ -50,34 +49,36 @@ pub(crate) fn tets(mesh: &TetMesh) -> Vec<Tet> {
 }
 
 /// Vectors as padded nodes.
-pub(crate) fn nodes<T: Real>(vectors: &[Vec3]) -> Vec<Node<T>> {
+pub fn nodes<T: Real>(vectors: &[Vec3]) -> Vec<Node<T>> {
     let node = |v: &Vec3| [T::of(v.x), T::of(v.y), T::of(v.z), T::ZERO];
     vectors.iter().map(node).collect()
 }
 
-pub(crate) fn zeros<T: Real>(count: usize) -> Vec<Node<T>> {
+/// Vectors of zero length.
+pub fn zeros<T: Real>(count: usize) -> Vec<Node<T>> {
     vec![[T::ZERO; 4]; count]
 }
 
 /// Vectors without the padding, which must still be zero.
-pub(crate) fn vectors<T: Real>(nodes: &[Node<T>]) -> Vec<Vec3> {
+pub fn vectors<T: Real>(nodes: &[Node<T>]) -> Vec<Vec3> {
     assert!(nodes.iter().all(|node| node[3] == T::ZERO));
     let vector = |v: &Node<T>| Vec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64());
     nodes.iter().map(vector).collect()
 }
 
-pub(crate) fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
+/// The sum of the products of the vectors.
+pub fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
 
 /// The largest difference as a fraction of the largest entry of `b`.
-pub(crate) fn difference(a: &[Vec3], b: &[Vec3]) -> f64 {
+pub fn difference(a: &[Vec3], b: &[Vec3]) -> f64 {
     let scale = largest(b.iter().copied());
     largest(a.iter().zip(b).map(|(a, b)| a - b)) / scale
 }
 
 /// Fowler, Noll and Vo's hash of the bits.
-pub(crate) fn hash(vectors: &[Vec3]) -> u64 {
+pub fn hash(vectors: &[Vec3]) -> u64 {
     let bytes = vectors
         .iter()
         .flat_map(|v| v.iter())

@@ -1,5 +1,11 @@
 //! Small meshes, a generator of random numbers, and norms for the tests.
-#![allow(dead_code)]
+#![allow(
+    clippy::missing_panics_doc,
+    clippy::missing_errors_doc,
+    reason = "a test that panics has failed"
+)]
+
+pub mod kernels;
 
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, TetMesh, TriMesh};
@@ -10,7 +16,7 @@ use physics::{
 
 /// The pattern of the diagonals of the grid cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Split {
+pub enum Split {
     /// All diagonals go from the lower left to the upper right.
     Right,
     /// All diagonals go from the upper left to the lower right.
@@ -22,7 +28,7 @@ pub(crate) enum Split {
 }
 
 /// The rectangle [0, lx] x [0, ly] in the plane z = 0, in nx x ny grid cells. The vertices go row by row along x.
-pub(crate) fn grid(nx: u32, ny: u32, lx: f64, ly: f64, split: Split) -> TriMesh {
+pub fn grid(nx: u32, ny: u32, lx: f64, ly: f64, split: Split) -> TriMesh {
     let mut mesh = TriMesh::default();
     for j in 0..=ny {
         for i in 0..=nx {
@@ -65,13 +71,13 @@ pub(crate) fn grid(nx: u32, ny: u32, lx: f64, ly: f64, split: Split) -> TriMesh 
 }
 
 /// Whether a vertex lies on the border of the rectangle of `grid`.
-pub(crate) fn on_border(x: &Vec3, lx: f64, ly: f64) -> bool {
+pub fn on_border(x: &Vec3, lx: f64, ly: f64) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * lx;
     near(x.x, 0.0) || near(x.x, lx) || near(x.y, 0.0) || near(x.y, ly)
 }
 
 /// `grid` with its inner vertices moved by up to `fraction` of a cell.
-pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, fraction: f64, seed: u64) -> TriMesh {
+pub fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, fraction: f64, seed: u64) -> TriMesh {
     let mut mesh = grid(nx, ny, lx, ly, Split::Alternating);
     let mut random = Random(seed);
     for x in &mut mesh.positions {
@@ -84,11 +90,11 @@ pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, fraction: f64, seed:
 }
 
 /// A linear congruential generator (Knuth's constants). It gives the same numbers on every machine.
-pub(crate) struct Random(pub(crate) u64);
+pub struct Random(pub u64);
 
 impl Random {
     /// A number between -1 and 1.
-    pub(crate) fn signed(&mut self) -> f64 {
+    pub fn signed(&mut self) -> f64 {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)
@@ -96,13 +102,14 @@ impl Random {
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    pub(crate) fn vector(&mut self) -> Vec3 {
+    /// A vector of three signed numbers.
+    pub fn vector(&mut self) -> Vec3 {
         Vec3::new(self.signed(), self.signed(), self.signed())
     }
 }
 
 /// The strip of the reference figures: 1 MPa, 1 mm, and the given Poisson's ratio.
-pub(crate) fn rubber(poisson: f64) -> Material {
+pub fn rubber(poisson: f64) -> Material {
     Material {
         young: 1e6,
         poisson,
@@ -112,7 +119,7 @@ pub(crate) fn rubber(poisson: f64) -> Material {
 }
 
 /// No gravity, no damping, no bending, and a solver tolerance at the limit of double precision.
-pub(crate) fn tight() -> BodyConfig {
+pub fn tight() -> BodyConfig {
     BodyConfig {
         gravity: Vec3::zeros(),
         tolerance: 1e-13,
@@ -123,11 +130,7 @@ pub(crate) fn tight() -> BodyConfig {
 }
 
 /// A handle of every vertex for which `chosen` holds. Its origin is their middle.
-pub(crate) fn handle(
-    mesh: &TriMesh,
-    freedom: Freedom,
-    chosen: impl Fn(&Vec3) -> bool,
-) -> HandleSpec {
+pub fn handle(mesh: &TriMesh, freedom: Freedom, chosen: impl Fn(&Vec3) -> bool) -> HandleSpec {
     let vertices: Vec<u32> = (0..mesh.positions.len() as u32)
         .filter(|&vertex| chosen(&mesh.positions[vertex as usize]))
         .collect();
@@ -144,7 +147,7 @@ pub(crate) fn handle(
 }
 
 /// The poses of the handles of a body at rest.
-pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
+pub fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
     handles
         .iter()
         .map(|handle| HandlePose::at(handle.origin))
@@ -153,7 +156,7 @@ pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
 
 /// Takes steps of `h` towards static equilibrium. A long step is one Newton iteration. Velocities are cleared after
 /// each step, so that no inertia remains.
-pub(crate) fn settle(
+pub fn settle(
     sheet: &mut Body,
     targets: &[HandlePose],
     h: f64,
@@ -169,23 +172,23 @@ pub(crate) fn settle(
 }
 
 /// The largest norm.
-pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
+pub fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
     values.map(|value| value.norm()).fold(0.0, f64::max)
 }
 
 /// An in-plane affine map as a matrix.
-pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
+pub fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
     Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
 }
 
 /// A cube of edge 1 in `n`^3 grid cells of six tetrahedra (Kuhn). Its inner vertices are moved by up to `fraction` of a
 /// grid cell.
-pub(crate) fn cube(n: usize, fraction: f64, quadratic: bool) -> TetMesh {
+pub fn cube(n: usize, fraction: f64, quadratic: bool) -> TetMesh {
     block([n; 3], fraction, quadratic)
 }
 
 /// The same block with `n` grid cells along each axis.
-pub(crate) fn block(n: [usize; 3], fraction: f64, quadratic: bool) -> TetMesh {
+pub fn block(n: [usize; 3], fraction: f64, quadratic: bool) -> TetMesh {
     let mut random = Random(3);
     let vertex = |at: [usize; 3]| ((at[2] * (n[1] + 1) + at[1]) * (n[0] + 1) + at[0]) as u32;
     let mut positions = Vec::new();

@@ -6,14 +6,16 @@ use host::world::World;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
-pub(crate) fn load(text: &str) -> LoadedScene {
+/// The scene of this text.
+pub fn load(text: &str) -> LoadedScene {
     match Scene::load_texts("x.toml", text, &BTreeMap::new()) {
         Ok(loaded) => loaded,
         Err(error) => panic!("{error}"),
     }
 }
 
-pub(crate) fn solved(text: &str) -> Solution {
+/// The solution of the scene of this text.
+pub fn solved(text: &str) -> Solution {
     let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
     match solve(
         &World::new(&load(text)).unwrap(),
@@ -26,13 +28,15 @@ pub(crate) fn solved(text: &str) -> Solution {
     }
 }
 
-pub(crate) fn body(text: &str) -> BodySolution {
+/// The solution of the one body of the scene of this text.
+pub fn body(text: &str) -> BodySolution {
     let solution = solved(text);
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     solution.bodies.into_iter().next().unwrap()
 }
 
-pub(crate) fn force(body: &BodySolution, name: &str) -> [f64; 3] {
+/// The force of the support, the handle or the joint of this name (N).
+pub fn force(body: &BodySolution, name: &str) -> [f64; 3] {
     body.reactions
         .iter()
         .find(|reaction| reaction.name == name)
@@ -41,7 +45,7 @@ pub(crate) fn force(body: &BodySolution, name: &str) -> [f64; 3] {
 }
 
 /// A cube of 10 cm, 20 kPa, compressed by 10 % between its plates.
-pub(crate) fn cube(law: &str, axes: &str) -> String {
+pub fn cube(law: &str, axes: &str) -> String {
     format!(
         r#"
 name = "cube"
