@@ -187,6 +187,43 @@ fn hand_on(found: &mut Contacts, kept: &[Contact]) {
     }
 }
 
+/// Carries a contact to the nearest point of other triangles. `was` and `now` are the places of its sites and of those of the
+/// triangles. Forces at the same point are added.
+pub(super) fn carry<'a>(
+    contacts: &mut Contacts,
+    contact: &Contact,
+    triangles: impl Iterator<Item = &'a Triangle>,
+    [was, now]: [&[Vec3; MAX_SITES]; 2],
+    radius: f64,
+) {
+    let foot = contact.at(was);
+    let nearest = triangles.filter_map(|triangle| {
+        let [a, b, c] = place(triangle.corners, now)?;
+        let there = Contact {
+            corners: triangle.corners,
+            weights: weights(&foot, [&a, &b, &c]),
+            coefficient: triangle.friction,
+            ..*contact
+        };
+        Some((there, (there.at(now) - foot).norm_squared()))
+    });
+    let Some((there, apart)) = nearest.min_by(|(_, a), (_, b)| a.total_cmp(b)) else {
+        return;
+    };
+    if apart > radius * radius {
+        return;
+    }
+    let (at, same) = (there.at(now), ONE * radius);
+    let mut others = contacts.iter_mut();
+    if let Some(other) = others.find(|other| (other.at(now) - at).norm_squared() < same * same) {
+        other.normal_force += there.normal_force;
+        other.friction += other.across(&there.friction);
+    } else {
+        // There is room for all that were there.
+        let _ = contacts.push(there);
+    }
+}
+
 /// The contact at the nearest point of a triangle; `None` where another triangle at the same edge is nearer.
 fn touch(triangle: &Triangle, now: &Places<'_>) -> Option<Contact> {
     let corners = place(triangle.corners, now.sites)?;

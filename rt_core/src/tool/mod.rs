@@ -401,7 +401,8 @@ impl Tool {
         }
     }
 
-    /// Takes the pending patch into use. Sites and proxy stay where they are.
+    /// Takes the pending patch into use. Sites and proxy stay where they are. A contact with a site that is there no longer goes on
+    /// at the nearest point of the new surface: without its force, the surface would keep its dent and press less.
     fn switch(&mut self) {
         let (old, new) = (&self.patch.head, &self.pending.head);
         let count = usize::from(new.site_count);
@@ -416,12 +417,26 @@ impl Tool {
         for (kept, (one, other)) in kept.iter_mut().zip(vertices) {
             *kept = old.epoch == new.epoch && one.vertex == other.vertex;
         }
+        let (was, places) = (self.places, self.rendered(&kept, count));
         let is_kept = |corner: &u8| kept.get(usize::from(*corner)).copied().unwrap_or_default();
         let mut contacts = Contacts::new();
-        let each = self.contacts.iter();
-        for contact in each.filter(|contact| contact.corners.iter().all(is_kept)) {
-            // Both lists have the same room.
-            let _ = contacts.push(*contact);
+        for contact in &self.contacts {
+            if contact.corners.iter().all(is_kept) {
+                // Both lists have the same room.
+                let _ = contacts.push(*contact);
+            }
+        }
+        for contact in &self.contacts {
+            if old.epoch == new.epoch && !contact.corners.iter().all(is_kept) {
+                let now = new.triangles();
+                contacts::carry(
+                    &mut contacts,
+                    contact,
+                    now,
+                    [&was, &places],
+                    self.config.radius,
+                );
+            }
         }
         self.contacts = contacts;
         let offset = self.offset * self.fade + (old.floor - new.floor) * self.force();
@@ -439,6 +454,16 @@ impl Tool {
         let head = &self.patch.head;
         self.fade = 1.0;
         self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
+    }
+
+    /// The sites of the pending patch: those that were there where they are, and the new ones where the host has them (m).
+    fn rendered(&self, kept: &[bool; MAX_SITES], count: usize) -> [Vec3; MAX_SITES] {
+        let mut places = self.places;
+        let each = places.iter_mut().zip(&self.pending.sites).zip(kept);
+        for ((place, site), _) in each.take(count).filter(|(_, kept)| !**kept) {
+            *place = site.place;
+        }
+        places
     }
 
     /// The displacement and the offset of each site of a new patch. A new site has the offset of the nearest one that was there.

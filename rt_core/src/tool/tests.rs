@@ -227,6 +227,48 @@ fn a_message_that_tells_nothing_new_changes_nothing() {
 }
 
 #[test]
+fn a_message_without_a_site_that_bears_force_keeps_the_force() {
+    // The ball rubs the pad. Each message has another vertex at the place of one site: the contacts with that site go on.
+    let patch = pad(4e-3, 1.0 / 800.0, 3e-3, 0.4);
+    let (mut truth, mut tool) = (ball(8e-3), ball(8e-3));
+    truth.accept(&patch).unwrap();
+    tool.accept(&patch).unwrap();
+    let mut vertices: Vec<u32> = patch.sites.iter().map(|site| site.vertex).collect();
+    let mut sent = Vec::new();
+    let (mut worst, mut peak, mut met) = (0.0_f64, 0.0_f64, 0);
+    for tick in 0..1200_u32 {
+        let time = f64::from(tick) * PERIOD;
+        let turn = 2.0 * core::f64::consts::PI * time;
+        let down = 4e-3 * (2.0 * time).min(1.0);
+        let hand = Vec3::new(4e-3 * turn.sin(), 3e-3 * (2.0 * turn).sin(), 8e-3 - down);
+        let exact = truth.tick(&hand);
+        sent.push(loads(truth.contacts()));
+        if tick % 16 == 0 && tick > 4 {
+            let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
+            new.head.period = 0.016;
+            let site = (tick / 16) as usize * 5 % MAX_SITES;
+            vertices[site] += 100;
+            for (site, vertex) in new.sites.iter_mut().zip(&vertices) {
+                site.vertex = *vertex;
+            }
+            let bears = |contact: &&Contact| {
+                let corners = contact.corners.iter().zip(&contact.weights);
+                let mut corners = corners.filter(|(_, weight)| **weight > 0.0);
+                corners.any(|(corner, _)| usize::from(*corner) == site)
+            };
+            met += tool.contacts().iter().filter(bears).count();
+            tool.accept(&new).unwrap();
+        }
+        let force = tool.tick(&hand);
+        worst = worst.max((force - exact).norm());
+        peak = peak.max(exact.norm());
+    }
+    // A new site has the offset of its neighbour, and the iteration of the geometry starts elsewhere.
+    assert!(met > 10 && peak > 1.0, "{met} {peak}");
+    assert!(worst < 0.02 * peak, "{worst:e} {peak}");
+}
+
+#[test]
 fn friction_holds_up_to_the_cone_and_no_further() {
     for stiffness in [1000.0, f64::INFINITY] {
         let mut patch = pad(5e-3, 1.0 / stiffness, 4e-3, 0.4);
