@@ -3,7 +3,7 @@
 use super::outputs::{Declared, Format};
 use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::write_json;
-use host::engine::plan::{BodyPlan, ContactPlan, Stage, stages};
+use host::engine::plan::{BodyPlan, ContactPlan, Stage, ToolPlan, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::engine::unrendered::{DampedSummary, StiffSummary};
 use host::preparation::Preparation;
@@ -47,6 +47,9 @@ struct PlanJson<'a> {
     /// The pairs that may touch; missing if nothing may.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     contacts: &'a [ContactPlan],
+    /// The tools; missing if there are none.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    tools: &'a [ToolPlan],
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
 }
@@ -85,6 +88,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     for pair in &contacts {
         outln!("  touch      {pair}");
     }
+    let tools = ToolPlan::all(&world);
+    for tool in &tools {
+        outln!("  tool       {tool}");
+    }
     for direction in &stiff {
         outln!("  stiff      {direction}");
     }
@@ -114,6 +121,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             stiff: &stiff,
             damped: &damped,
             contacts: &contacts,
+            tools: &tools,
             bodies: &plans,
         };
         write_json(path, &json)?;

@@ -14,6 +14,7 @@ use super::hands::{CATCH_UP, shortened};
 use super::path::HandlePath;
 use super::plan::renderable;
 use crate::scene::LoadedScene;
+use crate::scene::spec::Host;
 use crate::world::World;
 use nalgebra::Isometry3;
 use physics::contact::distance::point_triangle;
@@ -24,9 +25,9 @@ use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
 use rt_core::{Pose, TickRecord};
 
 /// The ways of the tool until the next patch, by which the surface is published beyond its radius.
-const REACH: f64 = 2.0;
+pub(super) const REACH: f64 = 2.0;
 /// The least of this reach, as a fraction of the radius.
-const LEAST_REACH: f64 = 0.5;
+pub(super) const LEAST_REACH: f64 = 0.5;
 /// The growth of the distance between sites while there are too many.
 const FURTHER: f64 = 1.2;
 /// The fraction of the largest force of a site below which the site is not loaded.
@@ -104,10 +105,14 @@ pub(crate) fn stiffest(loaded: &LoadedScene, device: usize) -> f64 {
     renderable(loaded)[device].stiffness.min(STIFFEST)
 }
 
+/// The largest age at which a patch must be good (s).
+pub(super) fn horizon(host: &Host) -> f64 {
+    1.0 / host.publish_rate + host.latency
+}
+
 /// The tools of a world.
 pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
     let scene = &world.loaded.scene;
-    let horizon = 1.0 / scene.host.publish_rate + scene.host.latency;
     let tools = scene.numbered_tools().map(|(tool, device, obstacle)| {
         HostTool::new(ToolSpec {
             device,
@@ -117,7 +122,7 @@ pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
             stiffest: stiffest(world.loaded, device),
             cutoff: scene.host.smoothing,
             period: 1.0 / scene.host.publish_rate,
-            horizon,
+            horizon: horizon(&scene.host),
         })
     });
     tools.collect()

@@ -14,6 +14,8 @@ use crate::plot::Mark;
 use crate::record::totals::{DeviceSum, DeviceTotals, place};
 use crate::scene::Scene;
 use rt_core::Telemetry;
+use rt_core::coupling::HostState;
+use rt_core::record::{DeviceTelemetry, ToolTelemetry};
 use runner::link::LogRecord;
 
 /// A stretch of time in which a device or a body was not in its normal state.
@@ -27,19 +29,56 @@ pub(super) struct Span {
     pub description: String,
 }
 
+/// What the tool of a device met.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Touched {
+    /// Ticks in which a surface pressed it.
+    pub ticks: u64,
+    /// Largest force of the surfaces on it (N), and the time of this force (s).
+    pub peak_force: f64,
+    pub peak_time: f64,
+    /// Largest distance between the tool and its device (m).
+    pub apart: f64,
+}
+
+impl Touched {
+    fn take(&mut self, time: f64, tool: &ToolTelemetry, device: &DeviceTelemetry) {
+        let force = tool.force.norm();
+        self.ticks += u64::from(force > 0.0);
+        if force > self.peak_force {
+            (self.peak_force, self.peak_time) = (force, time);
+        }
+        let apart = (device.pose.position - tool.proxy).norm();
+        self.apart = self.apart.max(if force > 0.0 { apart } else { 0.0 });
+    }
+}
+
+/// The state of a tool's coupling, in words; `None` if it is normal.
+fn age(state: HostState) -> Option<&'static str> {
+    match state {
+        HostState::Waiting | HostState::Live => None,
+        HostState::Fading => Some("patch too old, force fading"),
+        HostState::Held => Some("patch too old, safe hold"),
+    }
+}
+
 /// Sums up telemetry.
 #[derive(Debug)]
 pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
+    /// With the device of each tool.
+    tool_names: Vec<(usize, String)>,
+    /// By device.
+    touched: Vec<Touched>,
     /// By device.
     sums: Vec<DeviceSum>,
     slips: Vec<slips::Watch>,
     /// By device.
     states: Vec<States>,
-    /// By device, then by body.
+    /// By device, then by body, then by tool.
     open: Vec<Option<(f64, &'static str)>>,
-    /// By body.
+    /// By body, then by tool.
     withheld: Vec<Watch>,
     spans: Vec<Span>,
     tears: TearEvents,
@@ -58,14 +97,22 @@ impl Collector {
         let device_names: Vec<_> = devices.clone().map(|device| device.name.clone()).collect();
         let bodies = scene.bodies.iter();
         let body_names: Vec<_> = bodies.map(|body| body.name.clone()).collect();
+        // Telemetry has the tools in the order of their devices.
+        let tools = scene.numbered_tools();
+        let mut tool_names: Vec<_> = tools
+            .map(|(tool, device, _)| (device, tool.name.clone()))
+            .collect();
+        tool_names.sort();
+        let holders = body_names.len() + tool_names.len();
         Self {
+            touched: vec![Touched::default(); device_names.len()],
             sums: devices
                 .map(|device| DeviceSum::new(device.mounting.turn()))
                 .collect(),
             slips: vec![slips::Watch::default(); device_names.len()],
             states: vec![States::default(); device_names.len()],
-            open: vec![None; device_names.len() + body_names.len()],
-            withheld: vec![Watch::default(); body_names.len()],
+            open: vec![None; device_names.len() + holders],
+            withheld: vec![Watch::default(); holders],
             spans: Vec::new(),
             tears,
             tear_forces: TearForces::new(scene),
@@ -75,6 +122,7 @@ impl Collector {
             end: 0.0,
             device_names,
             body_names,
+            tool_names,
         }
     }
 
@@ -99,8 +147,12 @@ impl Collector {
         }
         let limited = telemetry.devices().map(|device| device.safety.words());
         let aged = telemetry.bodies().map(|body| body.state.words());
-        let names = self.device_names.iter().chain(&self.body_names);
-        for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {
+        let old = telemetry.tools().map(|tool| age(tool.state));
+        let tool_names = self.tool_names.iter().map(|(_, name)| name);
+        let holders = self.body_names.iter().chain(tool_names);
+        let names = self.device_names.iter().chain(holders.clone());
+        let now = limited.chain(aged).chain(old);
+        for ((now, open), name) in now.zip(&mut self.open).zip(names) {
             if open.map(|(_, description)| description) != now {
                 if let Some((from, description)) = open.take() {
                     push_span(&mut self.spans, from, time, name, description);
@@ -108,10 +160,18 @@ impl Collector {
                 *open = now.map(|description| (time, description));
             }
         }
-        let bodies = telemetry.bodies().zip(&mut self.withheld);
-        for ((body, watch), name) in bodies.zip(&self.body_names) {
-            if let Some(stretch) = watch.take(time, body.withheld) {
+        let bodies = telemetry.bodies().map(|body| body.withheld);
+        let withheld = bodies.chain(telemetry.tools().map(|tool| tool.withheld));
+        for ((withheld, watch), name) in withheld.zip(&mut self.withheld).zip(holders) {
+            if let Some(stretch) = watch.take(time, withheld) {
                 push_withheld(&mut self.spans, name, &stretch);
+            }
+        }
+        for tool in telemetry.tools() {
+            let number = usize::from(tool.device);
+            let device = telemetry.devices().nth(number);
+            if let (Some(touched), Some(device)) = (self.touched.get_mut(number), device) {
+                touched.take(time, tool, device);
             }
         }
         self.take_tears();
@@ -140,7 +200,9 @@ impl Collector {
     /// Ends the stretches that are still open, and returns the totals.
     pub(super) fn finish(mut self) -> Collected {
         self.take_tears();
-        let names = self.device_names.iter().chain(&self.body_names);
+        let tool_names = self.tool_names.iter().map(|(_, name)| name);
+        let holders = self.body_names.iter().chain(tool_names);
+        let names = self.device_names.iter().chain(holders.clone());
         for (open, name) in self.open.iter().zip(names) {
             if let Some((from, description)) = *open {
                 push_span(&mut self.spans, from, self.end, name, description);
@@ -151,7 +213,7 @@ impl Collector {
                 push_slip(&mut self.spans, name, &slip);
             }
         }
-        for (watch, name) in self.withheld.iter().zip(&self.body_names) {
+        for (watch, name) in self.withheld.iter().zip(holders) {
             if let Some(stretch) = watch.finish() {
                 push_withheld(&mut self.spans, name, &stretch);
             }
@@ -161,6 +223,7 @@ impl Collector {
             .map(|(samples, marks)| (samples.finish(), marks.finish()));
         let (samples, marks) = kept.unwrap_or_default();
         Collected {
+            touched: self.touched,
             totals: self.sums.iter().map(|sum| sum.totals().clone()).collect(),
             spans: self.spans,
             tear_forces: self.tear_forces.finish(),
@@ -251,6 +314,8 @@ fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, description:
 pub(super) struct Collected {
     /// By device.
     pub totals: Vec<DeviceTotals>,
+    /// By device.
+    pub touched: Vec<Touched>,
     /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
     /// The force at the tears of each body; `None` if nothing tore.

@@ -5,12 +5,13 @@ use super::summary::HeldBackSummary;
 use crate::scene::Scene;
 use rt_core::{Capabilities, HeldBack, HeldBackByBody, HeldBackByDevice};
 
-/// What was held back from the hands of each body, then of each device, in the scene's order. `capabilities` are those
-/// of the devices.
+/// What was held back from the hands of each body, then of each tool in the order of the devices, then of each device, in the
+/// scene's order. `capabilities` are those of the devices.
 pub(super) fn summaries(
     scene: &Scene,
     capabilities: &[Capabilities],
     by_bodies: impl Iterator<Item = HeldBackByBody>,
+    by_tools: impl Iterator<Item = (usize, HeldBackByBody)>,
     by_devices: impl Iterator<Item = HeldBackByDevice>,
 ) -> Vec<HeldBackSummary> {
     let period = 1.0 / scene.realtime.rate;
@@ -28,6 +29,18 @@ pub(super) fn summaries(
             scene.realtime.age_limit()
         );
         push(&body.name, "old model", &found.aged, why);
+    }
+    for (device, found) in by_tools {
+        let Some((tool, ..)) = scene.numbered_tools().find(|(_, of, _)| *of == device) else {
+            continue;
+        };
+        let why = "the cap lets a surface give back no more energy than the hand has supplied";
+        push(&tool.name, "cap", &found.capped, why.to_owned());
+        let why = format!(
+            "its patch was older than {} s (`age_limit`), or its force was returning after that",
+            scene.realtime.age_limit()
+        );
+        push(&tool.name, "old patch", &found.aged, why);
     }
     for ((device, able), found) in scene.devices.iter().zip(capabilities).zip(by_devices) {
         let infinite = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);

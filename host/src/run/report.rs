@@ -4,7 +4,8 @@ use super::collect::Collected;
 use super::ended::{Ended, HostSide};
 use super::summary::{
     ContactSummary, DeviceSummary, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
-    HostSummary, PlaceSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
+    HostSummary, PlaceSummary, RunSummary, SCHEMA, TearSummary, TickSummary, ToolSummary,
+    TripSummary,
 };
 use super::{Clock, RunOptions, held_back, instructions, slow_host};
 use crate::engine::plan::publishes_energy;
@@ -51,6 +52,11 @@ pub(super) fn summarize(
         devices: devices(loaded, ended),
         held_back: held_back(scene, ended),
         energy: energy(scene, side.controller.energy()),
+        tools: ToolSummary::all(
+            scene,
+            side.controller.tools(),
+            &ended.observed.collected.touched,
+        ),
         tears: tears(ended),
         contact: (ended.host.engine.contact()).map(|contact| ContactSummary::new(scene, contact)),
         dropped: dropped(ended),
@@ -179,6 +185,9 @@ fn held_back(scene: &Scene, ended: &Ended) -> Vec<HeldBackSummary> {
         scene,
         &capabilities,
         controller.held_back_by_bodies(),
+        controller
+            .tools()
+            .map(|tool| (tool.device(), tool.held_back())),
         controller.held_back_by_devices(),
     )
 }
@@ -219,6 +228,8 @@ fn dropped(ended: &Ended) -> DroppedSummary {
         models: end.refused_models(),
         logged_models: end.refused_copies(),
         superseded_models: side.link.superseded_models,
+        patches: end.refused_patches(),
+        superseded_patches: side.link.superseded_patches,
         wrenches: side.refused_wrenches,
     }
 }

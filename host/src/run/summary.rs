@@ -3,6 +3,7 @@
 mod contact;
 mod print;
 mod tears;
+mod tool;
 
 use crate::engine::unrendered::{DampedSummary, StiffSummary};
 use crate::machine::Machine;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 
 pub use contact::{ContactPairSummary, ContactSummary};
 pub use tears::TearSummary;
+pub use tool::ToolSummary;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
 pub const SCHEMA: &str = "palpate.run/4";
@@ -44,6 +46,9 @@ pub struct RunSummary {
     pub held_back: Vec<HeldBackSummary>,
     /// The energy between the hands and each body.
     pub energy: Vec<EnergySummary>,
+    /// The tools; not given for a scene without tools.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolSummary>,
     /// The tears of each body that can tear.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tears: Vec<TearSummary>,
@@ -237,9 +242,9 @@ pub struct TripSummary {
 /// largest force (scene); those of a device act on the hand.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HeldBackSummary {
-    /// The name of the body or the device whose force was held back.
+    /// The name of the body, the tool or the device whose force was held back.
     pub of: String,
-    /// The cause: `cap` or `old model` of a body; `force limit`, `slew limit`, `heat limit`, `speed limit`,
+    /// The cause: `cap` or `old model` of a body; `cap` or `old patch` of a tool; `force limit`, `slew limit`, `heat limit`, `speed limit`,
     /// `reach limit`, `no reading`, `return` (after a fault), `engagement`, `dead-man button`, `disarmed` or
     /// `emergency stop` of a device.
     pub cause: &'static str,
@@ -298,10 +303,14 @@ pub struct DroppedSummary {
     pub telemetry: u64,
     /// Models that found the tick's ring full.
     pub models: u64,
-    /// Models that found the log's ring full.
+    /// Models and patches that found the log's ring full.
     pub logged_models: u64,
     /// Models that arrived together with a newer model and were not used.
     pub superseded_models: u64,
+    /// Patches that found the tick's ring full.
+    pub patches: u64,
+    /// Patches that arrived together with a newer patch and were not used.
+    pub superseded_patches: u64,
     /// Wrenches that a device refused.
     pub wrenches: u64,
 }

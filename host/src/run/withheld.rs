@@ -1,4 +1,4 @@
-//! Detects that the cap withholds force of a body for long. A hand notices a force that is too small for half a
+//! Detects that the cap withholds force of a body or a tool for long. A hand notices a force that is too small for half a
 //! second.
 
 use rt_core::Withheld;
@@ -25,13 +25,13 @@ impl Stretch {
         let Withheld { force, of } = self.most;
         let percent = 100.0 * force / of;
         format!(
-            "the cap holds back up to {force:.2} N of the body's {of:.2} N ({percent:.0} %): its models store more \
-             energy than the hands have supplied"
+            "the cap holds back up to {force:.2} N of {of:.2} N ({percent:.0} %): more energy is stored than the hands have \
+             supplied"
         )
     }
 }
 
-/// Detects the stretches of one body.
+/// Detects the stretches of one body or one tool.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Watch {
     open: Option<Stretch>,

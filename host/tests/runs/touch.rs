@@ -164,6 +164,55 @@ fn a_run_with_a_tool_replays_exactly() {
 }
 
 #[test]
+fn the_summary_says_what_each_ball_met() {
+    // The second ball stays above the block. The host stalls while the first one presses.
+    let loaded = two_balls();
+    let above = loaded.source.text.rfind("[0.6, 0.0, 0.0, -0.012]").unwrap();
+    let text = &loaded.source.text;
+    let second = text[above..].replace("-0.012]", "0.0]");
+    let text = format!("{}{second}", &text[..above]);
+    let loaded = Scene::load_texts("two.toml", &text, &BTreeMap::new()).unwrap();
+    let options = RunOptions {
+        duration: Some(1.5),
+        faults: vec![HostFault {
+            kind: FaultKind::Stall,
+            at: 0.9,
+            duration: 0.5,
+        }],
+        ..RunOptions::new(Clock::Virtual)
+    };
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| {}).unwrap();
+    let [ball, other] = &summary.tools[..] else {
+        panic!("{:?}", summary.tools);
+    };
+    assert_eq!((&*ball.tool, &*ball.device), ("ball", "omega"));
+    assert_eq!((&*other.tool, &*other.device), ("other", "second"));
+    assert!(ball.pressed > 0.8 && ball.peak_force > 1.0, "{ball:?}");
+    // The block is softer than the stiffest spring of the device, so the ball is where the device is.
+    assert!(ball.apart < 1e-5 && ball.supplied > 1e-3, "{ball:?}");
+    // 60 a second, but not while the host stalls.
+    assert!((55..65).contains(&ball.patches), "{ball:?}");
+    assert_eq!((ball.faded, ball.refused_patches), (1, 0));
+    assert_eq!(
+        (other.pressed, other.peak_force, other.supplied),
+        (0.0, 0.0, 0.0)
+    );
+    let old: Vec<_> = (summary.events.iter())
+        .filter(|event| event.description.contains("too old"))
+        .map(|event| event.description.split(':').next().unwrap())
+        .collect();
+    assert!(old.contains(&"ball") && old.contains(&"other"), "{old:?}");
+    let held = summary.held_back.iter().find(|held| held.of == "ball");
+    assert_eq!(held.unwrap().cause, "old patch");
+    let printed = summary.to_string();
+    assert!(printed.contains("ball on omega: pressed for"), "{printed}");
+    assert!(
+        printed.contains("other on second: pressed for 0.00 s"),
+        "{printed}"
+    );
+}
+
+#[test]
 fn bad_tools_are_refused_with_their_field() {
     let text = shipped().source.text;
     for (from, to, said) in [

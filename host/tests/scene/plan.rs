@@ -1,6 +1,6 @@
 //! The plan of a scene: which stages of a host step the scene needs, and why.
 
-use host::engine::plan::{BodyPlan, ContactPlan, Stage, stages};
+use host::engine::plan::{BodyPlan, ContactPlan, Stage, ToolPlan, stages};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use std::collections::BTreeMap;
@@ -138,4 +138,22 @@ fn the_pairs_that_may_touch_are_named() {
         ["body with floor: friction 0.3, from a distance of 0.5 mm"]
     );
     assert!(!needed(&scene("", SHEET, "")).contains(&"collision"));
+}
+
+#[test]
+fn a_tool_is_planned_with_its_reach_and_its_message() {
+    let text = include_str!("../../scenes/touch.toml");
+    let loaded = Scene::load_texts("touch.toml", text, &BTreeMap::new()).unwrap();
+    let world = World::new(&loaded).unwrap();
+    let [ball] = &ToolPlan::all(&world)[..] else {
+        panic!("one tool");
+    };
+    // Half the radius of 10 mm; twice the way in a period of 1/60 s and a latency of 4 ms.
+    assert_eq!((ball.reach, &*ball.device), (5e-3, "omega"));
+    assert!((ball.reach_time - 2.0 * (1.0 / 60.0 + 0.004)).abs() < 1e-12);
+    let line = ball.to_string();
+    let start = "ball on omega: the surface within 5 mm, or its way in 41.3 ms if that is more";
+    assert!(line.starts_with(start), "{line}");
+    // 256 blocks of nine numbers are most of a patch.
+    assert!(ball.bytes > 256 * 72 && ball.bytes < 24_000, "{line}");
 }

@@ -248,10 +248,6 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         Arguments("it needs a cluster"),
     ),
     (
-        "parallel -S :,other palpate stress scene sheet.toml --runs 10000 --shard {}/8 --threads 1 --json part-{}.jsonl ::: 1 2 3 4 5 6 7 8",
-        Arguments("it needs GNU parallel and a second machine"),
-    ),
-    (
         "cat part-*.jsonl > all.jsonl && palpate stress scene sheet.toml --runs 10000 --json all.jsonl --plot scene.svg",
         Arguments("it reads the files of the lines before it"),
     ),

@@ -5,8 +5,10 @@
 //! plan, stage by stage ([`Stage`]).
 
 mod stages;
+mod tool;
 
 pub use stages::{Stage, in_words, stages};
+pub use tool::ToolPlan;
 
 use super::choice::{Choice, choose};
 use super::stiff::Renderable;

@@ -26,6 +26,9 @@ impl fmt::Display for RunSummary {
         for energy in &self.energy {
             energy.print(f)?;
         }
+        for tool in &self.tools {
+            tool.print(f)?;
+        }
         for tears in &self.tears {
             tears.print(f)?;
         }
@@ -132,7 +135,7 @@ impl RunSummary {
     /// Prints the messages that were refused or not used.
     fn print_dropped(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.dropped;
-        writeln!(
+        write!(
             f,
             "  dropped    {} tick records, {} telemetry, {} models, {} wrenches; {} models superseded, {} refused",
             d.tick_records,
@@ -141,7 +144,12 @@ impl RunSummary {
             d.wrenches,
             d.superseded_models,
             self.tick.refused_models
-        )
+        )?;
+        if !self.tools.is_empty() {
+            let (lost, superseded) = (d.patches, d.superseded_patches);
+            write!(f, "; {lost} patches, {superseded} superseded")?;
+        }
+        writeln!(f)
     }
 
     /// Prints events, refusals, degradations and failures.
