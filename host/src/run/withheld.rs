@@ -121,7 +121,7 @@ mod tests {
         assert!(
             long[0]
                 .description()
-                .contains("0.90 N of the body's 2.00 N (45 %)"),
+                .contains("0.90 N of 2.00 N (45 %)"),
             "{}",
             long[0].description()
         );
