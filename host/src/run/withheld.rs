@@ -119,9 +119,7 @@ mod tests {
         assert!((long[0].from - 0.2).abs() < 1.1e-3 && (long[0].to - 0.9).abs() < 1.1e-3);
         assert!((long[0].most.force - 0.9).abs() < 1.1e-3);
         assert!(
-            long[0]
-                .description()
-                .contains("0.90 N of 2.00 N (45 %)"),
+            long[0].description().contains("0.90 N of 2.00 N (45 %)"),
             "{}",
             long[0].description()
         );

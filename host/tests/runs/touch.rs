@@ -165,12 +165,13 @@ fn a_run_with_a_tool_replays_exactly() {
 
 #[test]
 fn the_summary_says_what_each_ball_met() {
-    // The second ball stays above the block. The host stalls while the first one presses.
+    // The second ball stays above the block. The host stalls while the first one presses, for longer than a patch is trusted.
     let loaded = two_balls();
     let above = loaded.source.text.rfind("[0.6, 0.0, 0.0, -0.012]").unwrap();
     let text = &loaded.source.text;
     let second = text[above..].replace("-0.012]", "0.0]");
     let text = format!("{}{second}", &text[..above]);
+    let text = text.replacen("[host]", "[loop]\nage_limit = 0.1\n\n[host]", 1);
     let loaded = Scene::load_texts("two.toml", &text, &BTreeMap::new()).unwrap();
     let options = RunOptions {
         duration: Some(1.5),
@@ -193,17 +194,16 @@ fn the_summary_says_what_each_ball_met() {
     // 60 a second, but not while the host stalls.
     assert!((55..65).contains(&ball.patches), "{ball:?}");
     assert_eq!((ball.faded, ball.refused_patches), (1, 0));
-    assert_eq!(
-        (other.pressed, other.peak_force, other.supplied),
-        (0.0, 0.0, 0.0)
-    );
+    // The dampers of the safe hold take a little.
+    assert_eq!((other.pressed, other.peak_force), (0.0, 0.0));
+    assert!(other.supplied < 1e-3, "{other:?}");
     let old: Vec<_> = (summary.events.iter())
         .filter(|event| event.description.contains("too old"))
         .map(|event| event.description.split(':').next().unwrap())
         .collect();
     assert!(old.contains(&"ball") && old.contains(&"other"), "{old:?}");
-    let held = summary.held_back.iter().find(|held| held.of == "ball");
-    assert_eq!(held.unwrap().cause, "old patch");
+    let mut held = summary.held_back.iter();
+    assert!(held.any(|held| held.of == "ball" && held.cause == "old patch"));
     let printed = summary.to_string();
     assert!(printed.contains("ball on omega: pressed for"), "{printed}");
     assert!(
