@@ -49,7 +49,14 @@ pub(super) fn require(
 pub(super) fn check(scene: &Scene) -> Check {
     name("name", &scene.name)?;
     rates(&scene.realtime, &scene.host)?;
-    count("body", scene.bodies.len(), MAX_BODIES)?;
+    let has_touch = !scene.tools.is_empty() && !scene.given_obstacles().is_empty();
+    require(
+        !scene.bodies.is_empty() || has_touch,
+        "body",
+        "no body",
+        format!("1 to {MAX_BODIES} bodies, or a tool and an obstacle that it touches"),
+    )?;
+    at_most("body", scene.bodies.len(), MAX_BODIES)?;
     at_most("device", scene.devices.len(), MAX_DEVICES)?;
     names("body", scene.bodies.iter().map(|body| &body.name))?;
     names("device", scene.devices.iter().map(|device| &device.name))?;
@@ -81,15 +88,6 @@ fn rates(realtime: &Realtime, host: &Host) -> Check {
         "host.publish_rate",
         format!("{publish:?}"),
         format!("host.step_rate, {step:?}, divided by a whole number"),
-    )
-}
-
-fn count(field: &str, found: usize, most: usize) -> Check {
-    require(
-        (1..=most).contains(&found),
-        field,
-        format!("{found} entries"),
-        format!("1 to {most} entries"),
     )
 }
 

@@ -138,7 +138,7 @@ fn check_contacts(scene: &Scene) -> Check {
     Ok(())
 }
 
-/// A contact names two bodies, a body and an obstacle, or a body that touches itself.
+/// A contact names two bodies, a body and an obstacle or a tool, a tool and an obstacle, or a body that touches itself.
 fn check_pair(at: &str, scene: &Scene, contact: &Contact) -> Check {
     let body = |name: &String| scene.bodies.iter().find(|body| body.name == *name);
     let [one, other] = &contact.between;
@@ -152,11 +152,14 @@ fn check_pair(at: &str, scene: &Scene, contact: &Contact) -> Check {
     }
     let found = format!("{:?}", contact.between);
     let bodies = [body(one), body(other)];
+    // A tool touches bodies and obstacles.
+    let is_tool = |name: &&String| scene.tools.iter().any(|tool| tool.name == **name);
+    let tools = [one, other].iter().filter(|name| is_tool(name)).count();
     require(
-        bodies.iter().any(Option::is_some),
+        bodies.iter().any(Option::is_some) || tools == 1,
         &format!("{at}.between"),
         found.as_str(),
-        "at least one body: obstacles do not touch each other",
+        "a body, or a tool and an obstacle: obstacles do not touch each other, nor do tools",
     )?;
     let touches_itself = bodies[0].is_some_and(|body| body.self_contact);
     require(

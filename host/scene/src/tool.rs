@@ -13,7 +13,7 @@ pub(super) fn check(scene: &Scene) -> Check {
         let bodies = scene.bodies.iter().map(|body| ("body", &body.name));
         // The tools are obstacles for bodies, and follow those of the scene.
         let obstacles = scene.obstacles.iter().map(|one| ("obstacle", &one.name));
-        let given = scene.obstacles.len() - scene.tools.len();
+        let given = scene.given_obstacles().len();
         let mut others = bodies.chain(obstacles.take(given));
         let same = others.find(|(_, name)| **name == tool.name);
         require(

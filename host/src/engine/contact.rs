@@ -31,6 +31,8 @@ pub struct Contact {
     /// Where the obstacles are (s), and where the present step takes them.
     time: f64,
     due: f64,
+    /// The length of a step (s).
+    step: f64,
     tools: Vec<HostTool>,
     /// Number of meshes that have been replaced.
     replacements: u32,
@@ -95,7 +97,7 @@ impl Contact {
     /// # Errors
     /// [`SceneError`] for a body or an obstacle whose triangles are no surface.
     pub fn new(world: &World<'_>, bodies: &[HostBody]) -> Result<Option<Self>, SceneError> {
-        if world.contacts.is_empty() {
+        if world.contacts.is_empty() && world.loaded.scene.tools.is_empty() {
             return Ok(None);
         }
         let own: heapless::Vec<&Body, MAX_BODIES> = bodies.iter().map(HostBody::body).collect();
@@ -108,6 +110,7 @@ impl Contact {
             replaced: Vec::new(),
             time: 0.0,
             due: 0.0,
+            step: 1.0 / world.loaded.scene.host.step_rate,
             tools: tool::all(world),
             replacements: 0,
             totals: ContactTotals::default(),
@@ -266,11 +269,10 @@ impl Contact {
     }
 
     /// Begins the step up to the time `due_ns` (ns): leads the tools. Called before the bodies are constrained.
-    pub(super) fn begin(&mut self, bodies: &[HostBody], due_ns: u64) {
-        let h = bodies.first().map_or(0.0, |body| body.stepping.step);
+    pub(super) fn begin(&mut self, due_ns: u64) {
         // After steps that a late host left out, the bodies have moved by one step only. An obstacle that jumped to its place
         // would pass through them.
-        self.due = (due_ns as f64 * 1e-9).min(self.time + FASTEST * h);
+        self.due = (due_ns as f64 * 1e-9).min(self.time + FASTEST * self.step);
         for tool in &mut self.tools {
             tool.lead(&mut self.contacts, [self.time, self.due]);
         }
@@ -305,13 +307,13 @@ impl Contact {
     /// been constrained.
     pub(super) fn solve(&mut self, bodies: &mut [HostBody], watch: &dyn Stopwatch) {
         let start = watch.now_ns();
-        let h = bodies.first().map_or(0.0, |body| body.stepping.step);
         let left = bodies
             .iter()
             .filter_map(|body| body.stepping.solver.left_ns());
         let end = left.min().map(|left| start + left);
         let mut members = members(bodies);
-        self.contacts.begin(&members, [self.time, self.due], h);
+        self.contacts
+            .begin(&members, [self.time, self.due], self.step);
         self.time = self.due;
         let mut is_late = |_| end.is_some_and(|end| watch.now_ns() >= end);
         self.contacts.solve(&mut members, &mut is_late);

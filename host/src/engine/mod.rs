@@ -208,7 +208,7 @@ impl Engine {
             for body in contact.follow(&self.bodies) {
                 self.stats.fault(body, &StepFault::Surface);
             }
-            contact.begin(&self.bodies, due.time_ns);
+            contact.begin(due.time_ns);
             contact.keep_awake(&mut self.bodies);
         }
         self.stage(team, all.clone(), &|_, body| body.constrain(watch));

@@ -70,12 +70,8 @@ pub fn touching(scene: &Scene) -> Vec<[Thing; 2]> {
 }
 
 /// The contact of a pair in the scene; `None` if the scene has none.
-fn given(scene: &Scene, between: [Thing; 2]) -> Option<&spec::contact::Contact> {
-    let [one, other] = between.map(|thing| thing.name(scene));
-    scene.contacts.iter().find(|contact| {
-        let [a, b] = [&*contact.between[0], &*contact.between[1]];
-        [a, b] == [one, other] || [b, a] == [one, other]
-    })
+fn given(scene: &Scene, [one, other]: [Thing; 2]) -> Option<&spec::contact::Contact> {
+    scene.contact_between(one.name(scene), other.name(scene))
 }
 
 /// Two things that may touch. A body that touches itself is a pair with itself.

@@ -24,6 +24,7 @@ mod selection;
 pub mod shapes;
 mod survey;
 mod tear;
+mod tool;
 
 use crate::scene::plausible::Warning;
 use crate::scene::{LoadedScene, SceneError};
@@ -91,6 +92,7 @@ impl<'a> World<'a> {
             .collect::<Result<Vec<_>, _>>()?;
         let contacts = Contacts::new(scene, &bodies);
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
+        tool::check_start(loaded, &obstacles)?;
         warnings.extend(narrow::warnings(loaded, &bodies, &obstacles, &contacts));
         Ok(Self {
             loaded,

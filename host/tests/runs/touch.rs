@@ -8,14 +8,18 @@ use host::run::session::Session;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
-use rt_core::Telemetry;
+use rt_core::{Telemetry, Vec3};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-fn shipped() -> LoadedScene {
+fn scene(name: &str) -> LoadedScene {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
-    Scene::load(&scenes.join("touch.toml")).unwrap()
+    Scene::load(&scenes.join(name)).unwrap()
+}
+
+fn shipped() -> LoadedScene {
+    scene("touch.toml")
 }
 
 /// The shipped scene with these texts in place of others.
@@ -249,4 +253,189 @@ fn bad_tools_are_refused_with_their_field() {
         let error = error.unwrap_or_default();
         assert!(error.contains(said), "{to}: {error}");
     }
+}
+
+#[test]
+fn a_tool_and_obstacles_that_do_not_fit_are_refused() {
+    let text = scene("groove.toml").source.text;
+    let pair = |one: &str, other: &str| {
+        format!("[[contact]]\nbetween = [\"{one}\", \"{other}\"]\nfriction = 0.5\n\n[[tool]]")
+    };
+    for (from, to, said) in [
+        (
+            "position = [0.0, 0.0, 0.02]",
+            "position = [0.0, 0.0, 0.005]".to_owned(),
+            "tool[0].position: found 0.00146 m inside obstacle \"left plate\"",
+        ),
+        (
+            "position = [0.0, 0.0, 0.02]",
+            "position = [0.0, -0.0247, 0.0177]".to_owned(),
+            "tool[0].position: found",
+        ),
+        (
+            "[[tool]]",
+            pair("left plate", "right plate"),
+            "contact[0].between: found",
+        ),
+        (
+            "[[tool]]",
+            pair("ball", "ball"),
+            "contact[0].between: found",
+        ),
+    ] {
+        let text = text.replacen(from, &to, 1);
+        let loaded = Scene::load_texts("groove.toml", &text, &BTreeMap::new());
+        let error = match &loaded {
+            Ok(loaded) => World::new(loaded).err().map(|error| error.to_string()),
+            Err(error) => Some(error.to_string()),
+        };
+        let error = error.unwrap_or_default();
+        assert!(error.contains(said), "{to}: {error}");
+    }
+    // A pair of a tool and an obstacle has a friction of its own.
+    let rough = text.replacen("[[tool]]", &pair("ball", "left plate"), 1);
+    let rough = Scene::load_texts("groove.toml", &rough, &BTreeMap::new()).unwrap();
+    let [rough, plain] = [ticks(&rough, 1.4), ticks(&scene("groove.toml"), 1.4)];
+    let along = |run: &[Telemetry]| run[1200].tools[0].force.x.abs();
+    assert!(
+        along(&rough) > 1.5 * along(&plain),
+        "{} {}",
+        along(&rough),
+        along(&plain)
+    );
+}
+
+/// A groove of two plates, whose upper sides meet in the x axis at an angle (degrees), and the outward normals of the plates.
+fn groove(angle: f64) -> (LoadedScene, [Vec3; 2]) {
+    let slope = (90.0 - 0.5 * angle).to_radians();
+    let normals = [1.0, -1.0].map(|side| Vec3::new(0.0, side * slope.sin(), slope.cos()));
+    let mut text = scene("groove.toml").source.text;
+    for (side, normal) in [-1.0, 1.0].into_iter().zip(normals) {
+        let along = Vec3::new(0.0, side * slope.cos(), slope.sin());
+        let centre = along * 0.03 - normal * 0.005;
+        let shipped = format!("position = [0.0, {:?}, 0.017678]", side * 0.024749);
+        assert!(text.contains(&shipped), "{shipped}");
+        text = text.replace(
+            &shipped,
+            &format!("position = [0.0, {:?}, {:?}]", centre.y, centre.z),
+        );
+        let turn = format!("degrees = {} }}", side * 45.0);
+        let new = format!("degrees = {:?} }}", side * slope.to_degrees());
+        text = text.replace(&turn, &new);
+    }
+    // The ball begins above the plates, also between steep ones, and is pressed as deep.
+    let height = 0.005 / slope.cos() + 0.013;
+    text = text.replace(
+        "position = [0.0, 0.0, 0.02]",
+        &format!("position = [0.0, 0.0, {height:?}]"),
+    );
+    let loaded = Scene::load_texts("groove.toml", &text, &BTreeMap::new()).unwrap();
+    (loaded, normals)
+}
+
+#[test]
+fn a_ball_in_a_rigid_groove_overlaps_nothing() {
+    for angle in [60.0, 90.0, 120.0, 150.0] {
+        let (loaded, normals) = groove(angle);
+        let run = ticks(&loaded, 2.4);
+        let (mut deepest, mut both) = (0.0_f64, 0);
+        for tick in &run {
+            let tool = tick.tools().next().unwrap();
+            let gaps = normals.map(|normal| normal.dot(&tool.proxy) - 0.005);
+            deepest = deepest.max(-gaps[0]).max(-gaps[1]);
+            both += u32::from(gaps.iter().all(|gap| *gap < 1e-9));
+        }
+        assert!(deepest < 1e-6, "{angle}: {deepest:e}");
+        // The ball lies on both plates while it is pressed and slides.
+        assert!(both > 500, "{angle}: {both}");
+        let most = run.iter().map(|tick| tick.devices[0].wrench.force.norm());
+        let most = most.fold(0.0, f64::max);
+        assert!(most > 0.8, "{angle}: {most}");
+    }
+}
+
+#[test]
+fn a_tool_feels_each_shape_of_obstacle_at_its_surface() {
+    // The hand comes down on the top of the obstacle at z = 0, and is pressed 2 mm into it.
+    let shapes = [
+        "shape = \"plane\"",
+        "shape = \"box\"\nsize = [0.04, 0.05, 0.06]\nposition = [0.0, 0.0, -0.03]",
+        "shape = \"sphere\"\nradius = 0.03\nposition = [0.0, 0.0, -0.03]",
+        "shape = \"capsule\"\nradius = 0.02\nlength = 0.05\nposition = [0.0, 0.0, -0.02]\nrotation = { axis = [1, 0, 0], degrees = 90 }",
+        "shape = \"cylinder\"\nradius = 0.02\nlength = 0.06\nposition = [0.0, 0.0, -0.02]\nrotation = { axis = [0, 1, 0], degrees = 90 }",
+        "shape = \"cylinder\"\nradius = 0.03\nlength = 0.04\nposition = [0.0, 0.0, -0.02]",
+    ];
+    let text = scene("groove.toml").source.text;
+    let (head, rest) = text.split_at(text.find("# The upper sides").unwrap());
+    let (_, tail) = rest.split_at(rest.find("[[tool]]").unwrap());
+    for shape in shapes {
+        let text = format!("{head}[[obstacle]]\nname = \"table\"\n{shape}\n\n{tail}");
+        let text = text.replace("0.03, 0.002, -0.016", "0.0, 0.0, -0.017");
+        let loaded = Scene::load_texts("table.toml", &text, &BTreeMap::new()).unwrap();
+        let run = ticks(&loaded, 1.5);
+        let tool = run[1450].tools().next().unwrap();
+        assert!(
+            (tool.proxy - Vec3::new(0.0, 0.0, 0.005)).norm() < 2e-5,
+            "{shape}: {}",
+            tool.proxy
+        );
+        let force = run[1450].devices[0].wrench.force;
+        assert!(
+            force.z > 0.5 && force.xy().norm() < 0.02 * force.z,
+            "{shape}: {force}"
+        );
+        // No message moves the ball on the surface by more than the motion of the hand does.
+        let jumps = run
+            .windows(2)
+            .map(|pair| (pair[1].tools[0].force - pair[0].tools[0].force).norm());
+        let jump = jumps.fold(0.0, f64::max);
+        assert!(jump < 0.25, "{shape}: {jump}");
+    }
+}
+
+#[test]
+fn an_obstacle_that_moves_meets_a_tool_that_is_held() {
+    let text = scene("groove.toml").source.text;
+    let (head, rest) = text.split_at(text.find("# The upper sides").unwrap());
+    let (_, tail) = rest.split_at(rest.find("[[tool]]").unwrap());
+    let obstacle = "[[obstacle]]\nname = \"lift\"\nshape = \"box\"\nsize = [0.1, 0.1, 0.02]\nposes = \"lift.csv\"\n\n";
+    let hand = tail.replace("-0.016", "0.0");
+    let hand = hand
+        .replace("0.03, 0.002", "0.0, 0.0")
+        .replace("-0.03, 0.0, 0.0", "0.0, 0.0, 0.0");
+    let text = format!("{head}{obstacle}{hand}");
+    // The upper side rises from 15 mm below the ball to 3 mm above its lowest point in half a second, and stands.
+    let poses = "time,x,y,z,qw,qx,qy,qz\n0,0,0,-0.01,1,0,0,0\n0.5,0,0,-0.01,1,0,0,0\n1.0,0,0,0.008,1,0,0,0\n";
+    let files = BTreeMap::from([("lift.csv".to_owned(), poses.as_bytes().to_vec())]);
+    let loaded = Scene::load_texts("lift.toml", &text, &files).unwrap();
+    let run = ticks(&loaded, 1.6);
+    assert_eq!(run[700].tools[0].force.norm(), 0.0);
+    let tool = run[1550].tools().next().unwrap();
+    assert!(tool.force.z > 0.3, "{}", tool.force);
+    // The ball lies on the plate, whose upper side is at 18 mm.
+    assert!((tool.proxy.z - 0.023).abs() < 1e-6, "{}", tool.proxy);
+    // The plate does work on the hand, which has supplied none: the cap withholds the force.
+    let least = run.iter().map(|tick| tick.tools[0].energy.least);
+    assert!(least.fold(0.0, f64::min) > -1e-3);
+    assert!(tool.withheld.force > 0.0);
+}
+
+#[test]
+fn a_finger_pushes_a_hanging_cloth_that_hardly_resists() {
+    let run = ticks(&scene("finger.toml"), 3.0);
+    // The cloth weighs 0.21 N.
+    let most = run.iter().map(|tick| tick.tools[0].force.norm());
+    let most = most.fold(0.0, f64::max);
+    assert!((0.02..0.2).contains(&most), "{most}");
+    // The finger takes the cloth along and leaves it on the side from which it came.
+    let pressed = run[1200..2000]
+        .iter()
+        .filter(|tick| tick.tools[0].force.y < 0.0);
+    assert!(pressed.count() > 790);
+    assert_eq!(run[2950].tools[0].force.norm(), 0.0);
+    // No patch is refused: each is taken into use.
+    let numbers = run
+        .windows(2)
+        .map(|pair| pair[1].tools[0].sequence - pair[0].tools[0].sequence);
+    assert_eq!(numbers.max(), Some(1));
 }

@@ -12,8 +12,10 @@
 //! and no damping, which a hand would feel as a spring. With the factors `a` of mass and `b` of stiffness in `A`,
 //! `U^T K U = (S - a U^T M U) / b`, so that no product with the elements is needed.
 //!
-//! **Loose bodies.** Inertia alone resists a rigid motion `R` of a body that nothing holds. The stiffness `U^T K U` has the
-//! inertia of one publication besides, `B (R^T M R)^-1 B^T / t^2` with `B = U^T M R`.
+//! **Slow motions.** Where nothing holds a body, or its elastic forces vanish as those of a hanging cloth do, inertia alone resists
+//! in the time of a publication. The motions come apart in the eigenvectors `V` of `L^-1 U^T M U L^-T`, with `S = L L^T`: one of
+//! eigenvalue `m` has the inertia `m`, and the stiffness `(1 - a m) / b`. Its stiffness is taken as at least `m / t^2`, the inertia of
+//! one publication. A motion that is fast for a hand keeps its stiffness, however short `t` is ([`LEAST_TIME`]).
 //!
 //! The shapes are kept from one publication to the next, as those of handles are (`shapes`): a site that is new is computed at
 //! once, the others in turn.
@@ -23,19 +25,17 @@ use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::error::CondenseError;
 use crate::lanes::{to_node, to_vec};
-use crate::linear::dense::Square;
+use crate::linear::dense::{Eigen, Square};
 use crate::motion::stepper::{Limits, Solved, Stepper, StepperReport};
 use crate::{Mat3, Vec3};
 
-/// The least pivot of the stiffness of the shapes, as a fraction of its diagonal: what the iterations leave is no stiffness.
+/// The least pivot of `S`, as a fraction of its diagonal: what the iterations leave tells no two sites apart.
 const LEAST_PIVOT: f64 = 1e-6;
+/// The least time (s) whose inertia resists slow motions. In shorter times the bodies that a hand presses move as their inertia
+/// lets them, but the force of the next tick counts: with one millisecond, it was wrong by a quarter of its peak in a rub.
+const LEAST_TIME: f64 = 1.0 / 60.0;
 /// The least number of iterations that the first computation of a shape may take.
 const FIRST_ITERATIONS: usize = 200;
-
-/// The products of a shape with the momenta of the rigid motions.
-type Rigid = nalgebra::Vector6<f64>;
-/// The inertia of the rigid motions.
-type Inertia = nalgebra::Matrix6<f64>;
 
 /// The compliance of the sites of a body, kept from one publication to the next.
 #[derive(Debug)]
@@ -52,11 +52,11 @@ pub struct SiteCompliance {
     /// `S` and `U^T M U`.
     values: Square,
     mass: Square,
-    /// The columns of `B^T`.
-    rigid: Vec<Rigid>,
-    /// The Cholesky factor of the stiffness, and the solutions with it.
+    /// `L`, the inertia of the motions, its eigenvectors, and a factor of the compliance.
     factor: Square,
-    solved: Square,
+    inertia: Square,
+    eigen: Eigen,
+    root: Square,
     compliance: Square,
     damping: f64,
 }
@@ -83,9 +83,10 @@ impl SiteCompliance {
             shapes: Vec::new(),
             values: square.clone(),
             mass: square.clone(),
-            rigid: vec![Rigid::zeros(); 3 * sites],
             factor: square.clone(),
-            solved: square.clone(),
+            inertia: square.clone(),
+            eigen: Eigen::new(3 * sites),
+            root: square.clone(),
             compliance: square,
             damping: 0.0,
         }
@@ -244,12 +245,7 @@ impl SiteCompliance {
         let size = self.values.size();
         let [mut stored, mut inert] = [0.0; 2];
         for j in 0..size {
-            for i in 0..size {
-                let stiffness = (self.values[(i, j)] - a * self.mass[(i, j)]) / b;
-                self.factor[(i, j)] = stiffness;
-                self.solved[(i, j)] = self.values[(i, j)];
-            }
-            stored += self.factor[(j, j)];
+            stored += (self.values[(j, j)] - a * self.mass[(j, j)]) / b;
             inert += self.mass[(j, j)];
         }
         let config = &body.model.config;
@@ -257,53 +253,62 @@ impl SiteCompliance {
         if stored > 0.0 {
             self.damping += config.mass_damping * inert / stored;
         }
-        if is_loose(body) {
-            self.add_inertia(body);
-        }
+        self.factor.copy_from(&self.values);
+        self.inertia.copy_from(&self.mass);
         factorize(&mut self.factor);
-        for column in 0..size {
-            substitute(&self.factor, &mut self.solved, column);
+        for _ in 0..2 {
+            for column in 0..size {
+                substitute(&self.factor, &mut self.inertia, column);
+            }
+            self.inertia.transpose();
         }
+        self.inertia.symmetrize();
+        self.find_root();
         for j in 0..size {
             for i in 0..=j {
                 let rows = 0..size;
-                let sum = rows.map(|k| self.solved[(k, i)] * self.solved[(k, j)]);
-                let sum = sum.sum();
+                let sum = rows.map(|k| self.root[(k, i)] * self.root[(k, j)]);
+                // A site that is held does not yield.
+                let yields = self.values[(i, i)] > 0.0 && self.values[(j, j)] > 0.0;
+                let sum = if yields { sum.sum() } else { 0.0 };
                 (self.compliance[(i, j)], self.compliance[(j, i)]) = (sum, sum);
             }
         }
     }
 
-    /// Adds the inertia of a rigid motion over a publication to the stiffness.
-    fn add_inertia(&mut self, body: &Body) {
-        let (x, mass) = (&body.state.x, &body.model.mass);
-        let about = x.first().copied().unwrap_or_default();
-        let mut whole = Inertia::zeros();
-        for (x, mass) in x.iter().zip(mass) {
-            let mut motions = nalgebra::SMatrix::<f64, 3, 6>::zeros();
-            motions.fixed_columns_mut::<3>(0).fill_diagonal(1.0);
-            let arm = (about - x).cross_matrix();
-            motions.fixed_columns_mut::<3>(3).copy_from(&arm);
-            whole += motions.transpose() * motions * *mass;
-        }
-        let Some(whole) = whole.cholesky() else {
-            return;
-        };
-        for (column, rigid) in self.rigid.iter_mut().enumerate() {
-            let shape = &self.shapes[column * self.nodes..(column + 1) * self.nodes];
-            let (mut along, mut turned) = (Vec3::zeros(), Vec3::zeros());
-            for ((u, x), mass) in shape.iter().zip(x).zip(mass) {
-                let momentum = u * *mass;
-                along += momentum;
-                turned += (x - about).cross(&momentum);
+    /// Finds a matrix `R` with `W = R^T R`, from `L` and the inertia of the motions.
+    fn find_root(&mut self) {
+        let (a, b) = self.factors;
+        let size = self.values.size();
+        let time = self.period.max(LEAST_TIME);
+        let rate = 1.0 / (time * time);
+        // A motion whose stiffness is its inertia has an eigenvalue of one here.
+        self.root.copy_from(&self.inertia);
+        self.root.scale(a + b * rate);
+        if self.eigen.is_below_one(&self.root) {
+            // `(1 - a m) / b` of all motions, and its factor.
+            self.inertia.scale(-a / b);
+            for i in 0..size {
+                self.inertia[(i, i)] += 1.0 / b;
             }
-            *rigid = Rigid::new(along.x, along.y, along.z, turned.x, turned.y, turned.z);
+            factorize(&mut self.inertia);
+            self.root.copy_from(&self.factor);
+            self.root.clear_upper();
+            self.root.transpose();
+            for column in 0..size {
+                substitute(&self.inertia, &mut self.root, column);
+            }
+            return;
         }
-        let rate = 1.0 / (self.period * self.period);
-        for (j, own) in self.rigid.iter().enumerate() {
-            let product = whole.solve(own) * rate;
-            for (i, other) in self.rigid.iter().enumerate() {
-                self.factor[(i, j)] += other.dot(&product);
+        self.eigen.solve(&self.inertia);
+        for k in 0..size {
+            let inertia = self.eigen.value(k).max(0.0);
+            let stiffness = ((1.0 - a * inertia) / b).max(inertia * rate);
+            let part = 1.0 / stiffness.sqrt();
+            for i in 0..size {
+                let vector = self.eigen.vector(k).iter().take(i + 1).enumerate();
+                let sum: f64 = vector.map(|(j, v)| self.factor[(i, j)] * v).sum();
+                self.root[(k, i)] = sum * part;
             }
         }
     }
@@ -336,11 +341,6 @@ pub fn resultant(count: usize, between: &dyn Fn(usize, usize) -> Mat3) -> Option
     }))
 }
 
-/// Whether nothing holds a body.
-fn is_loose(body: &Body) -> bool {
-    body.constraints.held_nodes().next().is_none() && body.constraints.supports.mask().is_none()
-}
-
 /// `sum m_i a_i . b_i`.
 fn weighted(a: &[Vec3], b: &[Vec3], mass: &[f64]) -> f64 {
     let mut sum = Vec3::zeros();
@@ -350,7 +350,11 @@ fn weighted(a: &[Vec3], b: &[Vec3], mass: &[f64]) -> f64 {
     sum.sum()
 }
 
-/// Replaces a symmetric matrix by its lower Cholesky factor. A column without shape has a factor of one.
+/// Replaces a symmetric matrix by a lower factor `L`: that of Cholesky, if the matrix is positive definite. A column without shape
+/// has a factor of one.
+///
+/// Shapes that were computed at different states of the body give a matrix that is not definite. Two sites then seem to move
+/// together more than each moves by itself. The factor takes no entry beyond this, so that no diagonal entry of `L L^T` grows.
 fn factorize(matrix: &mut Square) {
     let size = matrix.size();
     for j in 0..size {
@@ -367,10 +371,13 @@ fn factorize(matrix: &mut Square) {
         matrix[(j, j)] = pivot;
         for i in j + 1..size {
             let mut entry = matrix[(i, j)];
+            let mut left = matrix[(i, i)];
             for k in 0..j {
                 entry -= matrix[(i, k)] * matrix[(j, k)];
+                left -= matrix[(i, k)] * matrix[(i, k)];
             }
-            matrix[(i, j)] = entry / pivot;
+            let most = left.max(0.0).sqrt();
+            matrix[(i, j)] = (entry / pivot).clamp(-most, most);
         }
     }
 }
@@ -409,5 +416,39 @@ impl<T: Precision> Stepper<T> {
             shape[self.places.node[place] as usize] = to_vec(&self.cg.u[place]);
         }
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIZE: usize = 6;
+
+    proptest! {
+        #[test]
+        fn a_factor_has_no_larger_diagonal_than_its_matrix(
+            entries in proptest::collection::vec(-1.0..1.0_f64, SIZE * SIZE),
+            scales in proptest::array::uniform6(-4.0..4.0_f64),
+        ) {
+            // A matrix of shapes from different states: not definite, and of sites that yield differently.
+            let scale = scales.map(|x| 10.0_f64.powf(x));
+            let mut matrix = Square::zeros(SIZE);
+            for j in 0..SIZE {
+                for i in 0..SIZE {
+                    let entry = if i == j { 1.0 } else { entries[i.min(j) * SIZE + i.max(j)] };
+                    matrix[(i, j)] = entry * scale[i] * scale[j];
+                }
+            }
+            let mut factor = matrix.clone();
+            factorize(&mut factor);
+            for i in 0..SIZE {
+                let sum: f64 = (0..=i).map(|k| factor[(i, k)] * factor[(i, k)]).sum();
+                // The least pivot is a millionth of the diagonal.
+                prop_assert!(sum <= matrix[(i, i)] * (1.0 + 2.0 * LEAST_PIVOT));
+                prop_assert!(factor[(i, i)] > 0.0);
+            }
+        }
     }
 }

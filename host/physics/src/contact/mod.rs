@@ -8,7 +8,7 @@
 //! - `faces`: the two faces of a tear.
 //! - [`facet`]: the facets of solids, and what two of them share.
 //! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
-//!   [`placed`]: a shape in a step.
+//!   [`placed`]: a shape in a step. [`vicinity`]: the surface of an obstacle near a tool.
 //! - [`start`]: what keeps surfaces from beginning a run.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
@@ -43,6 +43,7 @@ pub mod shape;
 pub mod start;
 pub mod surface;
 mod thinning;
+pub mod vicinity;
 
 pub use hierarchy::Hierarchy;
 pub use kept::Key;

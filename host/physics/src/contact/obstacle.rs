@@ -5,7 +5,7 @@
 //! constant rate (slerp: Shoemake, "Animating rotation with quaternion curves", 1985). Vertices are linear between two
 //! frames. Before the first row an obstacle stands at the first row, after the last row at the last one.
 
-use super::shape::{Nearest, Shape};
+use super::shape::{Nearest, Shape, box_of};
 use crate::Vec3;
 use crate::mesh::{Adjacency, MeshError};
 use nalgebra::{Isometry3, Point3};
@@ -16,6 +16,8 @@ use std::collections::BTreeSet;
 pub struct Obstacle {
     geometry: Geometry,
     motion: Motion,
+    /// The corners and triangles of a box.
+    sides: Option<(Vec<Vec3>, Vec<[u32; 3]>)>,
 }
 
 /// What an obstacle consists of, in axes of its own.
@@ -209,7 +211,26 @@ impl Obstacle {
                 }
             }
         }
-        Ok(Self { geometry, motion })
+        let sides = match &geometry {
+            // The edges of a box can hold a surface up between the vertices of the surface.
+            Geometry::Shape(Shape::Box { half }) => Some(box_of(half)),
+            _ => None,
+        };
+        Ok(Self {
+            geometry,
+            motion,
+            sides,
+        })
+    }
+
+    /// The vertices and triangles that meet edges and triangles of bodies, in the axes of the obstacle (m); `None` for a shape
+    /// that meets vertices alone.
+    pub(crate) fn surface(&self) -> Option<(&[Vec3], &[[u32; 3]])> {
+        match (&self.geometry, &self.sides) {
+            (Geometry::Mesh(mesh), _) => Some((&mesh.positions, &mesh.triangles)),
+            (Geometry::Shape(_), Some((positions, triangles))) => Some((positions, triangles)),
+            (Geometry::Shape(_), None) => None,
+        }
     }
 
     /// Moves the obstacle from one of these rows to the other, and leaves it there: a hand moves it. Nothing is allocated after
@@ -301,7 +322,7 @@ impl Obstacle {
 
     /// Writes the positions of the vertices at time `t` (s) to `x` (m), one for each vertex; a longer `x` keeps its end.
     pub fn write_positions(&self, t: f64, x: &mut [Vec3]) {
-        let Geometry::Mesh(mesh) = &self.geometry else {
+        let Some((positions, _)) = self.surface() else {
             return;
         };
         let pose = self.pose(t);
@@ -312,7 +333,7 @@ impl Obstacle {
                 *x = placed(&pose, &(from + (to - from) * part));
             }
         } else {
-            for (x, own) in x.iter_mut().zip(&mesh.positions) {
+            for (x, own) in x.iter_mut().zip(positions) {
                 *x = placed(&pose, own);
             }
         }

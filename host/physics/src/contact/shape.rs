@@ -121,6 +121,35 @@ fn faced<const N: usize>(over: [f64; N]) -> [(f64, f64); N] {
     })
 }
 
+/// The corners of a box.
+fn corners(half: &Vec3) -> [Vec3; 8] {
+    [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+        Vec3::from_fn(|axis, _| {
+            if corner >> axis & 1 == 1 {
+                half[axis]
+            } else {
+                -half[axis]
+            }
+        })
+    })
+}
+
+/// The corners and the triangles of a box, counterclockwise seen from outside.
+pub(crate) fn box_of(half: &Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let faces = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let triangles = faces
+        .iter()
+        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+    (corners(half).to_vec(), triangles.collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -56,6 +56,31 @@ impl Square {
         self.data.copy_from_slice(&other.data);
     }
 
+    /// Multiplies every entry.
+    pub(crate) fn scale(&mut self, by: f64) {
+        for entry in &mut self.data {
+            *entry *= by;
+        }
+    }
+
+    /// Replaces the matrix by its transpose.
+    pub(crate) fn transpose(&mut self) {
+        for j in 0..self.size {
+            for i in 0..j {
+                self.data.swap(j * self.size + i, i * self.size + j);
+            }
+        }
+    }
+
+    /// Sets every entry above the diagonal to zero.
+    pub(crate) fn clear_upper(&mut self) {
+        for j in 0..self.size {
+            for i in 0..j {
+                self[(i, j)] = 0.0;
+            }
+        }
+    }
+
     /// Replaces the matrix by its symmetric part.
     pub fn symmetrize(&mut self) {
         for j in 0..self.size {

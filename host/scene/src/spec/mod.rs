@@ -53,8 +53,8 @@ pub struct Scene {
     /// Acceleration of gravity (m/s^2).
     #[serde(default = "earth", deserialize_with = "check::finite3")]
     pub gravity: [f64; 3],
-    /// Deformable bodies.
-    #[serde(rename = "body", deserialize_with = "check::tables")]
+    /// Deformable bodies; none in a scene of tools and obstacles.
+    #[serde(default, rename = "body", deserialize_with = "check::tables")]
     pub bodies: Vec<Body>,
     /// What bodies touch and no body moves. A scene that was read has its tools at the end.
     #[serde(default, rename = "obstacle", deserialize_with = "check::tables")]
@@ -78,9 +78,23 @@ impl Scene {
         self.devices.iter().position(holds).unwrap_or(0)
     }
 
+    /// The obstacles of the scene without those that its tools are, once the scene was read.
+    pub fn given_obstacles(&self) -> &[Obstacle] {
+        let given = self.obstacles.len().saturating_sub(self.tools.len());
+        &self.obstacles[..given]
+    }
+
+    /// The `[[contact]]` of two things of these names; `None` if the scene has none.
+    pub fn contact_between(&self, one: &str, other: &str) -> Option<&Contact> {
+        self.contacts.iter().find(|contact| {
+            let [a, b] = [&*contact.between[0], &*contact.between[1]];
+            [a, b] == [one, other] || [b, a] == [one, other]
+        })
+    }
+
     /// Each tool with the number of its device and that of its obstacle, once the scene was read.
     pub fn numbered_tools(&self) -> impl Iterator<Item = (&Tool, usize, usize)> {
-        let given = self.obstacles.len().saturating_sub(self.tools.len());
+        let given = self.given_obstacles().len();
         self.tools.iter().enumerate().map(move |(index, tool)| {
             let moves = |device: &Device| device.name == tool.device;
             let device = self.devices.iter().position(moves).unwrap_or(0);
@@ -90,8 +104,7 @@ impl Scene {
 
     /// The field of the obstacle of this number, in the order of a scene that was read.
     pub fn field_of_obstacle(&self, index: usize) -> String {
-        let given = self.obstacles.len().saturating_sub(self.tools.len());
-        match index.checked_sub(given) {
+        match index.checked_sub(self.given_obstacles().len()) {
             Some(tool) => format!("tool[{tool}]"),
             None => format!("obstacle[{index}]"),
         }

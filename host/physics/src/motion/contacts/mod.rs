@@ -44,7 +44,7 @@ use crate::element::precision::Precision;
 use clearance::Clearance;
 use facets::Facets;
 use islands::Islands;
-use parts::{Meetings, Owner, Source, place};
+use parts::{Meetings, Owner, Source};
 
 /// The most bodies of a scene.
 pub const MOST_BODIES: usize = 8;
@@ -184,6 +184,14 @@ impl Contacts {
         &self.surfaces
     }
 
+    /// The obstacle of this number.
+    ///
+    /// # Panics
+    /// For an obstacle that does not exist.
+    pub fn obstacle(&self, number: usize) -> &Obstacle {
+        &self.obstacles[number]
+    }
+
     /// Keeps each of the `bodies` awake unless all bodies of its island rest on obstacles that stand. Called before the bodies are
     /// constrained.
     pub fn keep_awake(
@@ -313,8 +321,8 @@ impl Contacts {
                 }
                 Owner::Obstacle(number) => {
                     let obstacle = &self.obstacles[*number];
-                    place(obstacle, times[0], x);
-                    place(obstacle, times[1], u);
+                    obstacle.write_positions(times[0], x);
+                    obstacle.write_positions(times[1], u);
                     for ((x, u), v) in x.iter().zip(u).zip(v) {
                         *u -= x;
                         *v = *u / h;

@@ -5,10 +5,8 @@ use super::{Contacts, MOST_BODIES, ROWS_PER_VERTEX, Side};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::obstacle::{Geometry, Motion, Obstacle};
-use crate::contact::shape::Shape;
 use crate::contact::{Meeting, Placed, Rows, Skin, Surfaces};
 use crate::mesh::{Mesh, MeshError, TriMesh};
-use nalgebra::Point3;
 
 /// What one part of the surfaces is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -175,28 +173,15 @@ impl Contacts {
         self.surfaces.keep_open(opened.into_iter());
     }
 
-    /// Adds an obstacle. The sides of a box are triangles: its edges can hold a surface up between the vertices of the surface.
+    /// Adds an obstacle: a part of the surfaces, or a shape that meets their vertices.
     ///
     /// # Errors
     ///
     /// [`MeshError`] if the triangles are no surface.
     pub fn add_obstacle(&mut self, obstacle: Obstacle) -> Result<(), MeshError> {
         let number = self.obstacles.len();
-        let triangles = match obstacle.geometry() {
-            Geometry::Mesh(mesh) => Some((mesh.positions().to_vec(), mesh.triangles().to_vec())),
-            Geometry::Shape(Shape::Box { half }) => Some(box_of(half)),
-            Geometry::Shape(shape) => {
-                let pose = obstacle.pose(0.0);
-                self.of_shapes.push(number);
-                self.shapes.push(Placed {
-                    shape: *shape,
-                    start: pose,
-                    end: pose,
-                });
-                None
-            }
-        };
-        if let Some((positions, triangles)) = triangles {
+        if let Some((positions, triangles)) = obstacle.surface() {
+            let (positions, triangles) = (positions.to_vec(), triangles.to_vec());
             let skin = Skin {
                 radius: 0.0,
                 touches_itself: false,
@@ -211,6 +196,14 @@ impl Contacts {
             source.add_to(&mut self.surfaces)?;
             self.sources.push(source);
             self.owners.push(Owner::Obstacle(number));
+        } else if let Geometry::Shape(shape) = obstacle.geometry() {
+            let pose = obstacle.pose(0.0);
+            self.of_shapes.push(number);
+            self.shapes.push(Placed {
+                shape: *shape,
+                start: pose,
+                end: pose,
+            });
         }
         self.obstacles.push(obstacle);
         Ok(())
@@ -300,45 +293,4 @@ impl Contacts {
             None => Side::Obstacle(self.of_shapes[number - self.owners.len()]),
         }
     }
-}
-
-/// The positions of an obstacle of triangles (m).
-pub(super) fn place(obstacle: &Obstacle, time: f64, x: &mut [Vec3]) {
-    if let Geometry::Shape(Shape::Box { half }) = obstacle.geometry() {
-        let pose = obstacle.pose(time);
-        for (x, corner) in x.iter_mut().zip(corners(half)) {
-            *x = (pose * Point3::from(corner)).coords;
-        }
-    } else {
-        obstacle.write_positions(time, x);
-    }
-}
-
-/// The corners of a box.
-pub(super) fn corners(half: &Vec3) -> [Vec3; 8] {
-    [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
-        Vec3::from_fn(|axis, _| {
-            if corner >> axis & 1 == 1 {
-                half[axis]
-            } else {
-                -half[axis]
-            }
-        })
-    })
-}
-
-/// The corners and the triangles of a box, counterclockwise seen from outside.
-pub(super) fn box_of(half: &Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let faces = [
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-    ];
-    let triangles = faces
-        .iter()
-        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
-    (corners(half).to_vec(), triangles.collect())
 }

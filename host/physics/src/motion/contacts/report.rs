@@ -11,7 +11,7 @@ use crate::motion::joined::At;
 use crate::motion::touching::{Touch, TouchReport};
 
 /// A side of a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
     /// The body of this number.
     Body(usize),

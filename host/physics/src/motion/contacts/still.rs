@@ -3,7 +3,7 @@
 //! A load step of an equilibrium takes the place of a step. Nothing has a velocity, and obstacles stay where they start. In the
 //! stiffness of a row, the stiffness of a vertex takes the place of its mass over the square of the step.
 
-use super::parts::{Owner, place};
+use super::parts::Owner;
 use super::{ContactReport, Contacts, facets};
 use crate::Vec3;
 use crate::body::Body;
@@ -56,7 +56,7 @@ impl Contacts {
                     self.mass[range][..count].copy_from_slice(&stiffness[..count]);
                 }
                 Owner::Obstacle(number) => {
-                    place(&self.obstacles[*number], 0.0, x);
+                    self.obstacles[*number].write_positions(0.0, x);
                     u.fill(Vec3::zeros());
                 }
             }

@@ -9,15 +9,18 @@
 //! those between their vertices (vertex clustering: Rossignac and Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993). A vertex that was a site stays one while it is near.
 
+mod near;
+
 use super::body::HostBody;
 use super::hands::{CATCH_UP, shortened};
 use super::path::HandlePath;
 use super::plan::renderable;
 use crate::scene::LoadedScene;
-use crate::scene::spec::Host;
+use crate::scene::spec::contact::FRICTION;
+use crate::scene::spec::{Host, Scene, Tool};
 use crate::world::World;
 use nalgebra::Isometry3;
-use physics::contact::distance::point_triangle;
+use near::{Around, Near, Surface, Vertex, Wall};
 use physics::contact::obstacle::TimedPose;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
 use physics::{Beside, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
@@ -59,28 +62,6 @@ pub(super) struct ToolSpec {
     pub horizon: f64,
 }
 
-/// A vertex of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Vertex {
-    body: usize,
-    node: u32,
-}
-
-/// A vertex near the tool.
-#[derive(Clone, Copy, Debug)]
-struct Near {
-    vertex: Vertex,
-    place: Vec3,
-    /// The sum of the normals of its triangles, by area.
-    normal: Vec3,
-    /// Distance from the centre of the tool (m).
-    distance: f64,
-    /// The force of the tool on it (N).
-    force: Vec3,
-    /// Its site.
-    site: usize,
-}
-
 /// A tool in the host.
 pub(super) struct HostTool {
     spec: ToolSpec,
@@ -90,12 +71,8 @@ pub(super) struct HostTool {
     slots: [Option<Vertex>; MAX_SITES],
     /// By body; `None` before the tool came near.
     compliance: [Option<Box<SiteCompliance>>; MOST_BODIES],
-    near: Vec<Near>,
-    /// The triangles near the tool, by their places in `near`, with their distance (m), friction and the distance at which they
-    /// touch (m).
-    triangles: Vec<(f64, [usize; 3], f64, f64)>,
-    /// By vertex of the surfaces: its place in `near` and one; zero for a vertex that is not near.
-    places: Vec<u32>,
+    surface: Surface,
+    walls: Vec<Wall>,
     patch: Box<Patch>,
     is_published: bool,
 }
@@ -110,11 +87,27 @@ pub(super) fn horizon(host: &Host) -> f64 {
     1.0 / host.publish_rate + host.latency
 }
 
+/// The obstacles that a tool can touch: all of the scene. Other tools are none.
+fn walls(scene: &Scene, tool: &Tool) -> Vec<Wall> {
+    let obstacles = scene.given_obstacles().iter().enumerate();
+    let walls = obstacles.map(|(obstacle, given)| {
+        let pair = scene.contact_between(&tool.name, &given.name);
+        let friction = pair.and_then(|pair| pair.friction);
+        let friction = friction.or(tool.friction).or(given.friction);
+        Wall {
+            obstacle,
+            friction: friction.unwrap_or(FRICTION),
+            skin: pair.and_then(|pair| pair.thickness).unwrap_or(0.0),
+        }
+    });
+    walls.collect()
+}
+
 /// The tools of a world.
 pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
     let scene = &world.loaded.scene;
     let tools = scene.numbered_tools().map(|(tool, device, obstacle)| {
-        HostTool::new(ToolSpec {
+        let spec = ToolSpec {
             device,
             obstacle,
             radius: tool.radius,
@@ -123,21 +116,21 @@ pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
             cutoff: scene.host.smoothing,
             period: 1.0 / scene.host.publish_rate,
             horizon: horizon(&scene.host),
-        })
+        };
+        HostTool::new(spec, walls(scene, tool))
     });
     tools.collect()
 }
 
 impl HostTool {
-    fn new(spec: ToolSpec) -> Self {
+    fn new(spec: ToolSpec, walls: Vec<Wall>) -> Self {
         Self {
             path: HandlePath::new(spec.device, spec.cutoff, Pose::at(spec.start)),
             centre: spec.start,
             slots: [None; MAX_SITES],
             compliance: [const { None }; MOST_BODIES],
-            near: Vec::new(),
-            triangles: Vec::new(),
-            places: Vec::new(),
+            surface: Surface::default(),
+            walls,
             patch: Box::new(Patch::empty()),
             is_published: false,
             spec,
@@ -181,10 +174,18 @@ impl HostTool {
         time_ns: u64,
         epoch: u32,
     ) {
-        self.find(contacts, bodies);
-        self.load(contacts);
+        let way = REACH * self.path.velocity().norm() * self.spec.horizon;
+        let around = Around {
+            obstacle: self.spec.obstacle,
+            centre: self.centre,
+            radius: self.spec.radius,
+            beyond: way.max(LEAST_REACH * self.spec.radius),
+            time: time_ns as f64 * 1e-9 + self.spec.horizon - 0.5 * self.spec.period,
+        };
+        self.surface.find(&around, &self.walls, contacts, bodies);
+        self.surface.load(self.spec.obstacle, contacts);
         self.choose();
-        self.fill(bodies);
+        self.fill();
         self.join();
         self.is_published = self.yield_of(bodies).is_some();
         if self.is_published {
@@ -195,100 +196,13 @@ impl HostTool {
         }
     }
 
-    /// Finds the triangles near the tool, with their vertices.
-    fn find(&mut self, contacts: &Contacts, bodies: &[HostBody]) {
-        self.near.clear();
-        self.triangles.clear();
-        let surfaces = contacts.surfaces();
-        self.places.clear();
-        self.places.resize(surfaces.vertices, 0);
-        let way = REACH * self.path.velocity().norm() * self.spec.horizon;
-        let sides = contacts.sides();
-        for (part, side) in surfaces.parts.iter().zip(&sides) {
-            let Side::Body(number) = *side else { continue };
-            let tool = Side::Obstacle(self.spec.obstacle);
-            let Some(meeting) = contacts.meeting(*side, tool) else {
-                continue;
-            };
-            let body = bodies[number].body();
-            let x = body.node_positions();
-            let reach =
-                self.spec.radius + meeting.distance + way.max(LEAST_REACH * self.spec.radius);
-            let first = part.vertices.start;
-            let range = part.triangles.start as usize..part.triangles.end as usize;
-            for triangle in &surfaces.triangles[range] {
-                let nodes = triangle.map(|vertex| vertex - first);
-                let Some([a, b, c]) = corners(x, nodes) else {
-                    continue;
-                };
-                let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)];
-                let beyond = (low - self.centre).sup(&(self.centre - high));
-                if beyond.max() > reach {
-                    continue;
-                }
-                let foot = point_triangle(&self.centre, [&a, &b, &c]);
-                let distance = foot.apart.norm();
-                if distance > reach {
-                    continue;
-                }
-                let outward = (b - a).cross(&(c - a));
-                // The triangles of a solid look outwards. A sheet has its normals on the side of the tool.
-                let is_turned = !part.is_solid && (self.centre - a).dot(&outward) < 0.0;
-                let outward = if is_turned { -outward } else { outward };
-                let mut places = [0; 3];
-                for ((place, vertex), node) in places.iter_mut().zip(triangle).zip(nodes) {
-                    let known = &mut self.places[*vertex as usize];
-                    if *known == 0 {
-                        let at = x[node as usize];
-                        self.near.push(Near {
-                            vertex: Vertex { body: number, node },
-                            place: at,
-                            normal: Vec3::zeros(),
-                            distance: (at - self.centre).norm(),
-                            force: Vec3::zeros(),
-                            site: 0,
-                        });
-                        *known = self.near.len() as u32;
-                    }
-                    *place = *known as usize - 1;
-                    self.near[*place].normal += outward;
-                }
-                if is_turned {
-                    places.swap(1, 2);
-                }
-                let of = (distance, places, meeting.friction, meeting.distance);
-                self.triangles.push(of);
-            }
-        }
-        self.triangles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    }
-
-    /// The forces of the tool on the vertices near it.
-    fn load(&mut self, contacts: &Contacts) {
-        let tool = Side::Obstacle(self.spec.obstacle);
-        for (sides, _, touch) in contacts.points() {
-            let sides = sides.map(|side| contacts.side(side));
-            if !sides.contains(&tool) {
-                continue;
-            }
-            let force = touch.force();
-            for (at, weight) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
-                let is_this =
-                    |near: &&mut Near| near.vertex.body == at.body && near.vertex.node == at.node;
-                if let Some(near) = self.near.iter_mut().find(is_this) {
-                    near.force += force * *weight;
-                }
-            }
-        }
-    }
-
     /// Chooses the sites among the vertices near the tool, and the site of each other vertex.
     fn choose(&mut self) {
         let slots = self.slots;
         let is_kept = |near: &Near| slots.contains(&Some(near.vertex));
-        let mut order: Vec<usize> = (0..self.near.len()).collect();
+        let mut order: Vec<usize> = (0..self.surface.vertices.len()).collect();
         order.sort_by(|a, b| {
-            let [a, b] = [*a, *b].map(|at| &self.near[at]);
+            let [a, b] = [*a, *b].map(|at| &self.surface.vertices[at]);
             let by_kept = is_kept(b).cmp(&is_kept(a));
             by_kept.then(a.distance.total_cmp(&b.distance))
         });
@@ -298,9 +212,9 @@ impl HostTool {
             sites.clear();
             for at in &order {
                 // Each body near the tool has a site.
-                let Near { vertex, place, .. } = self.near[*at];
-                let others = sites.iter().map(|site| &self.near[*site]);
-                let mut others = others.filter(|other| other.vertex.body == vertex.body);
+                let Near { vertex, place, .. } = self.surface.vertices[*at];
+                let others = sites.iter().map(|site| &self.surface.vertices[*site]);
+                let mut others = others.filter(|other| other.vertex.side == vertex.side);
                 if others.all(|other| (other.place - place).norm() > apart) {
                     sites.push(*at);
                 }
@@ -309,7 +223,8 @@ impl HostTool {
                 break;
             }
             // The first distance is that of a patch with as many sites.
-            let radius = self.triangles.last().map_or(0.0, |last| last.0);
+            let furthest = self.surface.triangles.last();
+            let radius = furthest.map_or(0.0, |last| last.distance);
             apart = (apart * FURTHER).max(radius / MAX_SITES as f64);
         }
         // A vertex that was a site keeps its slot.
@@ -317,7 +232,7 @@ impl HostTool {
         let mut of_slot = [None; MAX_SITES];
         let mut new: Vec<usize> = Vec::new();
         for site in sites {
-            let vertex = Some(self.near[site].vertex);
+            let vertex = Some(self.surface.vertices[site].vertex);
             match self.slots.iter().position(|slot| *slot == vertex) {
                 Some(slot) => (slots[slot], of_slot[slot]) = (vertex, Some(site)),
                 None => new.push(site),
@@ -325,15 +240,16 @@ impl HostTool {
         }
         for site in new {
             if let Some(slot) = slots.iter().position(Option::is_none) {
-                (slots[slot], of_slot[slot]) = (Some(self.near[site].vertex), Some(site));
+                (slots[slot], of_slot[slot]) =
+                    (Some(self.surface.vertices[site].vertex), Some(site));
             }
         }
         self.slots = slots;
-        let centres = of_slot.map(|site| site.map(|site| self.near[site]));
-        for near in &mut self.near {
+        let centres = of_slot.map(|site| site.map(|site| self.surface.vertices[site]));
+        for near in &mut self.surface.vertices {
             let each = centres.iter().enumerate();
             let same = each.filter_map(|(slot, centre)| {
-                let centre = centre.filter(|centre| centre.vertex.body == near.vertex.body)?;
+                let centre = centre.filter(|centre| centre.vertex.side == near.vertex.side)?;
                 Some((slot, (centre.place - near.place).norm_squared()))
             });
             let nearest = same.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -342,7 +258,7 @@ impl HostTool {
     }
 
     /// Fills the sites of the patch.
-    fn fill(&mut self, bodies: &[HostBody]) {
+    fn fill(&mut self) {
         let used = self.slots.iter().rposition(Option::is_some);
         self.patch.head.site_count = used.map_or(0, |last| last + 1) as u8;
         for (slot, (site, vertex)) in self.patch.sites.iter_mut().zip(&self.slots).enumerate() {
@@ -352,20 +268,20 @@ impl HostTool {
                 site.vertex = u32::MAX;
                 continue;
             };
-            let body = bodies[vertex.body].body();
-            // Bodies have fewer vertices than this.
-            site.vertex = (vertex.body as u32) << 28 | vertex.node;
-            site.velocity = body.node_velocities()[vertex.node as usize];
-            site.place = body.node_positions()[vertex.node as usize];
-            for near in self.near.iter().filter(|near| near.site == slot) {
+            site.vertex = vertex.number();
+            for near in self
+                .surface
+                .vertices
+                .iter()
+                .filter(|near| near.site == slot)
+            {
                 site.force += near.force;
-            }
-        }
-        // The tick's tool touches the sites where the host's touches the skin over them.
-        let distance = self.triangles.iter().map(|of| of.3).fold(0.0, f64::max);
-        for near in &self.near {
-            if self.slots[near.site] == Some(near.vertex) && near.normal.norm() > 0.0 {
-                self.patch.sites[near.site].place += near.normal.normalize() * distance;
+                if near.vertex == *vertex {
+                    // The tick's tool touches the sites where the host's touches the skin over them.
+                    let outward = near.normal.try_normalize(0.0).unwrap_or_default();
+                    site.place = near.place + outward * near.skin;
+                    site.velocity = near.velocity;
+                }
             }
         }
     }
@@ -373,8 +289,10 @@ impl HostTool {
     /// Fills the triangles of the patch: the nearest ones between three sites.
     fn join(&mut self) {
         let mut joined: heapless::Vec<[u8; 3], MAX_TRIANGLES> = heapless::Vec::new();
-        for (_, places, friction, _) in &self.triangles {
-            let [a, b, c] = places.map(|at| self.near[at].site as u8);
+        for triangle in &self.surface.triangles {
+            let [a, b, c] = triangle
+                .vertices
+                .map(|at| self.surface.vertices[at].site as u8);
             if a == b || b == c || c == a {
                 continue;
             }
@@ -391,8 +309,10 @@ impl HostTool {
                 if joined.push(corners).is_err() {
                     break;
                 }
-                let friction = *friction;
-                self.patch.head.triangles[number] = Triangle { corners, friction };
+                self.patch.head.triangles[number] = Triangle {
+                    corners,
+                    friction: triangle.friction,
+                };
             }
         }
         self.patch.head.triangle_count = joined.len() as u8;
@@ -410,7 +330,8 @@ impl HostTool {
         }
         self.patch.head.damping = 0.0;
         for (number, body) in bodies.iter_mut().enumerate() {
-            let on_body = |slot: &Option<Vertex>| slot.filter(|vertex| vertex.body == number);
+            let on_body =
+                |slot: &Option<Vertex>| slot.filter(|vertex| vertex.side == Side::Body(number));
             if !self.slots.iter().any(|slot| on_body(slot).is_some()) {
                 continue;
             }
@@ -439,6 +360,13 @@ impl HostTool {
         let rigid = Mat3::identity() / self.spec.stiffest;
         let head = &mut self.patch.head;
         (head.stiffness, head.floor) = (f64::INFINITY, rigid);
+        let is_wall = |slot: &Option<Vertex>| {
+            slot.is_some_and(|vertex| matches!(vertex.side, Side::Obstacle(_)))
+        };
+        if self.slots.iter().any(is_wall) {
+            // An obstacle within reach is as stiff as the device can render. A body beside it is felt in series with that stiffness.
+            return;
+        }
         let sites = &self.patch.sites;
         let used = |slot: &usize| self.slots[*slot].is_some();
         let most = sites
@@ -481,10 +409,4 @@ impl HostTool {
             }
         }
     }
-}
-
-/// The corners of a triangle (m); `None` for a triangle that the body has no longer.
-fn corners(x: &[Vec3], nodes: [u32; 3]) -> Option<[Vec3; 3]> {
-    let [a, b, c] = nodes.map(|node| x.get(node as usize).copied());
-    Some([a?, b?, c?])
 }
