@@ -415,6 +415,21 @@ pub(crate) fn device_columns(device: &DeviceTelemetry, to: &mut impl Cells) {
     }
 }
 
+/// The columns of a tool.
+pub(crate) fn tool_columns(tool: &ToolTelemetry, to: &mut impl Cells) {
+    to.vector("position", "m", &tool.proxy);
+    to.vector("force", "N", &tool.force);
+    to.whole(format_args!("contacts"), u64::from(tool.contacts));
+    to.whole(format_args!("patch"), tool.sequence);
+    if tool.sequence == 0 {
+        to.number(format_args!("patch_age_s"), f64::NAN);
+    } else {
+        to.seconds("patch_age_s", tool.age_ns);
+    }
+    to.number(format_args!("trust"), tool.trust);
+    to.number(format_args!("withheld_N"), tool.withheld.force);
+}
+
 /// The columns of a body. `capped`: the ticks in which the cap reduced a wrench, before this tick.
 pub(crate) fn body_columns(body: &BodyTelemetry, capped: u64, to: &mut impl Cells) {
     to.whole(format_args!("model"), body.sequence);

@@ -7,12 +7,12 @@ use super::observer::{Observed, Observer};
 use crate::atomic_file::{AtomicFileError, Stream, open_stream, stream};
 use crate::record::ContactStep;
 use crate::record::contact::{ContactSum, contact_columns};
-use crate::record::tick::{body_columns, device_columns, tick_columns};
+use crate::record::tick::{body_columns, device_columns, tick_columns, tool_columns};
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
 use crate::world::contact::touching;
 use rt_core::Telemetry;
-use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::record::{BodyTelemetry, DeviceTelemetry, ToolTelemetry};
 use runner::link::LogRecord;
 use std::fs::{OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -37,6 +37,8 @@ pub(super) struct CsvObserver {
     taken: u64,
     /// By body: the ticks in which the cap reduced a wrench so far.
     capped: Vec<u64>,
+    /// The devices of the tools, in the scene's order.
+    tools: Vec<usize>,
     /// The sums of the newest host step, by pair that may touch.
     sums: Vec<ContactSum>,
 }
@@ -61,6 +63,10 @@ impl CsvObserver {
             flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
             capped: vec![0; scene.bodies.len()],
+            tools: scene
+                .numbered_tools()
+                .map(|(_, device, _)| device)
+                .collect(),
             sums: pairs(scene),
         })
     }
@@ -75,6 +81,12 @@ impl CsvObserver {
         for (body, capped) in telemetry.bodies().zip(&mut self.capped) {
             body_columns(body, *capped, line);
             *capped = body.energy.capped;
+        }
+        for device in &self.tools {
+            let found = telemetry
+                .tools()
+                .find(|tool| usize::from(tool.device) == *device);
+            tool_columns(found.unwrap_or(&ToolTelemetry::empty()), line);
         }
         for sum in &self.sums {
             contact_columns(sum, line);
@@ -163,6 +175,9 @@ fn columns(scene: &Scene) -> Columns {
     }
     for body in &scene.bodies {
         body_columns(&BodyTelemetry::empty(), 0, &mut columns.of(&body.name));
+    }
+    for tool in &scene.tools {
+        tool_columns(&ToolTelemetry::empty(), &mut columns.of(&tool.name));
     }
     for between in touching(scene) {
         let names = between.map(|thing| thing.name(scene));

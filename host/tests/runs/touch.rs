@@ -313,7 +313,7 @@ fn groove(angle: f64) -> (LoadedScene, [Vec3; 2]) {
     for (side, normal) in [-1.0, 1.0].into_iter().zip(normals) {
         let along = Vec3::new(0.0, side * slope.cos(), slope.sin());
         let centre = along * 0.03 - normal * 0.005;
-        let shipped = format!("position = [0.0, {:?}, 0.017678]", side * 0.024749);
+        let shipped = format!("position = [0.0, {:?}, 0.017678]", side * 0.024_749);
         assert!(text.contains(&shipped), "{shipped}");
         text = text.replace(
             &shipped,

@@ -31,12 +31,16 @@ impl Stage {
     }
 }
 
+/// The reason why a stage sleeps in a scene of tools and obstacles.
+const NO_BODY: &str = "no body";
+
 /// The stages of a host step for a scene whose bodies have these plans, in the scene's order.
 pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
+    let has_body = !bodies.is_empty();
     vec![
         handles(scene, bodies),
         collision(scene),
-        Stage::new("elements", true, elements(bodies)),
+        Stage::either("elements", has_body, elements(bodies), NO_BODY),
         bending(bodies),
         supports(scene),
         loads(scene),
@@ -47,11 +51,13 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
             "gravity = [0, 0, 0]",
         ),
         damping(scene),
-        Stage::new("solve", true, solve(scene, bodies)),
-        Stage::new(
+        Stage::either("solve", has_body, solve(scene, bodies), NO_BODY),
+        Stage::either(
             "sleep",
-            true,
-            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s",
+            has_body,
+            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s"
+                .into(),
+            NO_BODY,
         ),
         stress(bodies),
         tear(bodies),
