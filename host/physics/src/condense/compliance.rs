@@ -15,7 +15,7 @@
 //! **Slow motions.** Where nothing holds a body, or its elastic forces vanish as those of a hanging cloth do, inertia alone resists
 //! in the time of a publication. The motions come apart in the eigenvectors `V` of `L^-1 U^T M U L^-T`, with `S = L L^T`: one of
 //! eigenvalue `m` has the inertia `m`, and the stiffness `(1 - a m) / b`. Its stiffness is taken as at least `m / t^2`, the inertia of
-//! one publication. A motion that is fast for a hand keeps its stiffness, however short `t` is ([`LEAST_TIME`]).
+//! one publication. The time `t` is at least [`LEAST_TIME`].
 //!
 //! The shapes are kept from one publication to the next, as those of handles are (`shapes`): a site that is new is computed at
 //! once, the others in turn.
@@ -31,8 +31,8 @@ use crate::{Mat3, Vec3};
 
 /// The least pivot of `S`, as a fraction of its diagonal: what the iterations leave tells no two sites apart.
 const LEAST_PIVOT: f64 = 1e-6;
-/// The least time (s) whose inertia resists slow motions. In shorter times the bodies that a hand presses move as their inertia
-/// lets them, but the force of the next tick counts: with one millisecond, it was wrong by a quarter of its peak in a rub.
+/// The least time (s) of the shapes. In a shorter time a force reaches the surroundings of a site only, and the shapes are too
+/// stiff for a hand that presses: with one millisecond, the force was wrong by a quarter.
 const LEAST_TIME: f64 = 1.0 / 60.0;
 /// The least number of iterations that the first computation of a shape may take.
 const FIRST_ITERATIONS: usize = 200;
@@ -127,7 +127,7 @@ impl SiteCompliance {
         if !stepper.is_ready() || stepper.epoch != body.epoch() {
             return Err(CondenseError::NotAssembled);
         }
-        self.take(body, period, sites);
+        self.take(body, period.max(LEAST_TIME), sites);
         let state = stepper.elements.count;
         let (count, mut report) = (self.sites.len(), ShapeReport::default());
         let mut left = options.at_a_time;
@@ -280,8 +280,7 @@ impl SiteCompliance {
     fn find_root(&mut self) {
         let (a, b) = self.factors;
         let size = self.values.size();
-        let time = self.period.max(LEAST_TIME);
-        let rate = 1.0 / (time * time);
+        let rate = 1.0 / (self.period * self.period);
         // A motion whose stiffness is its inertia has an eigenvalue of one here.
         self.root.copy_from(&self.inertia);
         self.root.scale(a + b * rate);
@@ -302,7 +301,8 @@ impl SiteCompliance {
         }
         self.eigen.solve(&self.inertia);
         for k in 0..size {
-            let inertia = self.eigen.value(k).max(0.0);
+            // No motion has more inertia than `1 / a`; shapes of different states may seem to.
+            let inertia = self.eigen.value(k).max(0.0).min(1.0 / a);
             let stiffness = ((1.0 - a * inertia) / b).max(inertia * rate);
             let part = 1.0 / stiffness.sqrt();
             for i in 0..size {

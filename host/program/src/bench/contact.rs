@@ -35,6 +35,8 @@ enum SectionName {
     Between,
     /// The force at the hand under slow hosts: pressed on a floor, on another body, on itself
     Hand,
+    /// The force of a tool under slow hosts: a ball on a block, a finger on a cloth
+    Tool,
     /// The processor time of detection, rows, solve and certificate
     Cost,
 }
@@ -49,6 +51,7 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
         SectionName::Aims => Section::Aims,
         SectionName::Between => Section::Between,
         SectionName::Hand => Section::Hand,
+        SectionName::Tool => Section::Tool,
         SectionName::Cost => Section::Cost,
     });
     let found = with_bar(|progress| {

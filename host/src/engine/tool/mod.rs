@@ -166,7 +166,7 @@ impl HostTool {
     }
 
     /// Makes the patch of a step that ended at `time_ns`. `epoch` counts the meshes that were replaced. There is no patch if a body
-    /// near the tool failed: the former patch ages, as the model of the body does.
+    /// near the tool failed, or was stopped in the step: the former patch ages, as the model of the body does.
     pub(super) fn publish(
         &mut self,
         contacts: &Contacts,
@@ -174,6 +174,10 @@ impl HostTool {
         time_ns: u64,
         epoch: u32,
     ) {
+        self.is_published = false;
+        if !contacts.moved_as_solved(Side::Obstacle(self.spec.obstacle)) {
+            return;
+        }
         let way = REACH * self.path.velocity().norm() * self.spec.horizon;
         let around = Around {
             obstacle: self.spec.obstacle,

@@ -1,8 +1,8 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `worn`, `lists`, `measures`, `throws`). A
-//! line that is not reached is printed as it is. `hand` has the force at the hand, and `between` those of bodies
-//! in equilibrium. Times are no aims (`cost`).
+//! line that is not reached is printed as it is. `hand` has the force at the hand, `tool` that of a tool,
+//! and `between` those of bodies in equilibrium. Times are no aims (`cost`).
 
 mod aim;
 mod between;
@@ -15,6 +15,7 @@ mod motions;
 mod rest;
 mod tables;
 mod throws;
+mod tool;
 mod world;
 mod worn;
 
@@ -22,6 +23,7 @@ pub use aim::{Aim, Side};
 pub use cost::{Cost, Share};
 pub use hand::HandCell;
 pub use measures::Measured;
+pub use tool::ToolCell;
 
 use crate::speed::Machine;
 use crate::{Level, StudyError};
@@ -36,6 +38,8 @@ pub enum Section {
     Between,
     /// The force at the hand under slow hosts.
     Hand,
+    /// The force of a tool under slow hosts.
+    Tool,
     /// The processor time of the stages.
     Cost,
 }
@@ -57,6 +61,8 @@ pub struct ContactStudy {
     pub machine: Option<Machine>,
     /// What hands feel of slow hosts; empty if this part did not run.
     pub hands: Vec<HandCell>,
+    /// The forces of tools under slow hosts; empty if this part did not run.
+    pub tools: Vec<ToolCell>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,
 }
@@ -78,6 +84,7 @@ pub fn run(
         aims: Vec::new(),
         measures: Vec::new(),
         hands: Vec::new(),
+        tools: Vec::new(),
         machine: None,
         costs: Vec::new(),
     };
@@ -96,7 +103,11 @@ pub fn run(
     }
     if runs(Section::Hand) {
         let aims = &mut found.aims;
-        found.hands = hand::run(level, &mut |done| progress(0.7 + 0.1 * done), aims)?;
+        found.hands = hand::run(level, &mut |done| progress(0.7 + 0.05 * done), aims)?;
+    }
+    if runs(Section::Tool) {
+        let aims = &mut found.aims;
+        found.tools = tool::run(level, &mut |done| progress(0.75 + 0.05 * done), aims)?;
     }
     if runs(Section::Cost) {
         found.machine = Some(Machine::here());

@@ -1,7 +1,7 @@
 //! The tables and the picture of the study.
 
 use super::aim::Side;
-use super::{ContactStudy, Cost, HandCell, Measured, Share};
+use super::{ContactStudy, Cost, HandCell, Measured, Share, ToolCell};
 use crate::Results;
 use host::plot::{self, Marker, Panel, Picture, Scale, Series};
 
@@ -40,6 +40,10 @@ impl Results for ContactStudy {
         if !self.hands.is_empty() {
             put!(text);
             put_hands(&mut text, &self.hands);
+        }
+        if !self.tools.is_empty() {
+            put!(text);
+            put_tools(&mut text, &self.tools);
         }
         if let Some(machine) = &self.machine {
             if !text.is_empty() {
@@ -111,6 +115,34 @@ fn put_hands(text: &mut String, cells: &[HandCell]) {
             1e3 * cell.jump,
             1e3 * cell.tick,
             cell.faults
+        );
+    }
+}
+
+fn put_tools(text: &mut String, cells: &[ToolCell]) {
+    put!(
+        text,
+        "Force of a tool, against a host that steps in every tick\n"
+    );
+    put!(
+        text,
+        "| body | motion | Hz | latency ms | peak N | RMS % | jump N | ripple N | held RMS % | plane RMS % |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|");
+    for cell in cells {
+        put!(
+            text,
+            "| {} | {} | {:.0} | {:.0} | {:.3} | {:.2} | {:.3} | {:.3} | {:.2} | {:.2} |",
+            cell.body,
+            cell.task,
+            cell.rate,
+            1e3 * cell.latency,
+            cell.peak,
+            1e2 * cell.rms,
+            cell.jump,
+            cell.ripple,
+            1e2 * cell.held,
+            1e2 * cell.plane
         );
     }
 }

@@ -98,6 +98,19 @@ impl Contacts {
         })
     }
 
+    /// Whether all vertices that touch a side have moved as the last step was solved. Where truncation or the guard of energy stops
+    /// vertices, the forces of the solution are not those of the motion.
+    pub fn moved_as_solved(&self, side: Side) -> bool {
+        let touches = self.touches.iter().zip(&self.of_row);
+        let acting = touches.filter(|(touch, _)| touch.response.normal > 0.0);
+        let mut contacts = acting.map(|(_, row)| &self.rows.contacts()[*row]);
+        contacts.all(|contact| {
+            let mut corners = contact.vertices.iter().zip(contact.weights);
+            !contact.parts.map(|part| self.side(part)).contains(&side)
+                || corners.all(|(v, weight)| weight == 0.0 || self.fractions[*v as usize] == 1.0)
+        })
+    }
+
     /// Sums up the contacts, and keeps them.
     pub(super) fn sum_up(&mut self) {
         self.touching.clear();
