@@ -256,7 +256,11 @@ impl ToolHost {
             self.on_the_way.extend(patches);
         }
         let mut has_come = false;
-        while let Some((_, patch)) = self.on_the_way.pop_front_if(|(comes, _)| *comes <= time_ns) {
+        let is_here = |(comes, _): &mut (u64, Box<Patch>)| *comes <= time_ns;
+        while self.on_the_way.front_mut().is_some_and(is_here) {
+            let Some((_, patch)) = self.on_the_way.pop_front() else {
+                break;
+            };
             has_come = true;
             self.stiffness
                 .resize(self.forces.len() + 1, patch.head.stiffness);
