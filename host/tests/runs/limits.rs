@@ -72,7 +72,7 @@ fn eight_hands_feel_eight_bodies() -> Result<(), Box<dyn Error>> {
 fn a_ninth_body_is_refused() {
     let error = blocks(9).map(|_| ()).unwrap_err().to_string();
     assert!(
-        error.contains("body: found 9 entries, allowed: 1 to 8 entries"),
+        error.contains("body: found 9 entries, allowed: up to 8 entries"),
         "{error}"
     );
 }

@@ -204,8 +204,8 @@ fn wrong_fields_are_refused_with_their_line() {
         (
             "[\"block\", \"cloth\"]",
             "[\"die\", \"ball\"]",
-            "x.toml:35: contact[0].between: found [\"die\", \"ball\"], allowed: at least one body: obstacles do not touch \
-             each other",
+            "x.toml:35: contact[0].between: found [\"die\", \"ball\"], allowed: a body, or a tool and an obstacle: \
+             obstacles do not touch each other, nor do tools",
         ),
         (
             "[\"block\", \"cloth\"]",

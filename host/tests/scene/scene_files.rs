@@ -41,7 +41,9 @@ fn every_shipped_scene_loads() -> Outcome {
             "block_on_incline",
             "cloth",
             "cube",
+            "finger",
             "folded_banknote",
+            "groove",
             "inclined",
             "inclusion",
             "paddle",
@@ -59,7 +61,7 @@ fn every_shipped_scene_loads() -> Outcome {
             "touch",
             "trousers",
             "twist",
-            "two_people"
+            "two_people",
         ]
     );
     Ok(())

@@ -61,7 +61,7 @@ pub struct ContactStudy {
     pub machine: Option<Machine>,
     /// What hands feel of slow hosts; empty if this part did not run.
     pub hands: Vec<HandCell>,
-    /// The forces of tools under slow hosts; empty if this part did not run.
+    /// Tools under slow hosts; empty if this part did not run.
     pub tools: Vec<ToolCell>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,

@@ -157,28 +157,28 @@ const STROKE: Task = Task {
     ],
 };
 
-/// The force of a tool under one host.
+/// A tool under one host.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ToolCell {
-    /// The body and its Young's modulus.
+    /// The body.
     pub body: String,
-    /// The motion of the hand.
+    /// The motion.
     pub task: &'static str,
-    /// Steps and publications of the host a second (Hz).
+    /// Steps a second (Hz).
     pub rate: f64,
-    /// Latency of a publication (s).
+    /// Latency (s).
     pub latency: f64,
     /// Largest force of the reference (N).
     pub peak: f64,
     /// RMS of the error, as a fraction of the peak (1).
     pub rms: f64,
-    /// Largest change of the force in a tick in which a patch comes, less that of the reference (N).
+    /// Largest jump at a patch, beyond the reference (N).
     pub jump: f64,
-    /// RMS of the force about its mean over 50 ms, less that of the reference (N); not below zero.
+    /// RMS about the mean over 50 ms, beyond the reference (N).
     pub ripple: f64,
-    /// RMS of the error of the last force of the reference, held.
+    /// The same if the last force is held, as a fraction (1).
     pub held: f64,
-    /// RMS of the error of a plane that is told with each message.
+    /// The same of a late plane, as a fraction (1).
     pub plane: f64,
 }
 
