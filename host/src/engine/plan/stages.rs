@@ -82,7 +82,11 @@ fn collision(scene: &Scene) -> Stage {
         "{} may touch: bodies that touch are solved together, and asleep together",
         count(pairs, "pair")
     );
-    let why_not = "no obstacle, no contact and no self-contact: bodies pass through each other";
+    let why_not = if scene.bodies.is_empty() {
+        NO_BODY
+    } else {
+        "no obstacle, no contact and no self-contact: bodies pass through each other"
+    };
     Stage::either("collision", pairs > 0, why, why_not)
 }
 
