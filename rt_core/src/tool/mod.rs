@@ -401,7 +401,7 @@ impl Tool {
         }
     }
 
-    /// Takes the pending patch into use. Sites and proxy stay where they are. A contact with a site that is there no longer goes on
+    /// Takes the pending patch into use. Sites and proxy stay where they are. A contact with a triangle that is there no longer goes on
     /// at the nearest point of the new surface: without its force, the surface would keep its dent and press less.
     fn switch(&mut self) {
         let (old, new) = (&self.patch.head, &self.pending.head);
@@ -419,15 +419,18 @@ impl Tool {
         }
         let (was, places) = (self.places, self.rendered(&kept, count));
         let is_kept = |corner: &u8| kept.get(usize::from(*corner)).copied().unwrap_or_default();
+        let goes_on = |contact: &Contact| {
+            let mut triangles = new.triangles();
+            contact.corners.iter().all(is_kept)
+                && triangles.any(|triangle| triangle.corners == contact.corners)
+        };
         let mut contacts = Contacts::new();
-        for contact in &self.contacts {
-            if contact.corners.iter().all(is_kept) {
-                // Both lists have the same room.
-                let _ = contacts.push(*contact);
-            }
+        for contact in self.contacts.iter().filter(|contact| goes_on(contact)) {
+            // Both lists have the same room.
+            let _ = contacts.push(*contact);
         }
         for contact in &self.contacts {
-            if old.epoch == new.epoch && !contact.corners.iter().all(is_kept) {
+            if old.epoch == new.epoch && !goes_on(contact) {
                 let now = new.triangles();
                 contacts::carry(
                     &mut contacts,

@@ -268,6 +268,60 @@ fn a_message_without_a_site_that_bears_force_keeps_the_force() {
     assert!(worst < 0.02 * peak, "{worst:e} {peak}");
 }
 
+/// A rigid strip, first as two triangles over its whole width, and then through its middle, which lies lower.
+#[test]
+fn a_contact_leaves_a_triangle_that_the_surface_has_no_longer() {
+    let (radius, low) = (5e-3, -2e-3);
+    let [a, b, c, d] = [[-0.02, -0.02], [0.02, -0.02], [0.02, 0.02], [-0.02, 0.02]];
+    let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
+    let middle = [0.0, 0.0, low];
+    let [a, b, c, d] = [a, b, c, d].map(|corner| at(corner, 0.0));
+    // The first list has the middle as a site of a triangle below the others.
+    let whole = [
+        [a, b, c],
+        [a, c, d],
+        [middle, at([0.01, 0.0], -0.01), at([0.0, 0.01], -0.01)],
+    ];
+    let divided = [
+        [a, b, middle],
+        [b, c, middle],
+        [c, d, middle],
+        [d, a, middle],
+    ];
+    let mut tool = ball(radius);
+    let mut first = obstacle(&whole, 0.3);
+    tool.accept(&first).unwrap();
+    let hand = Vec3::new(1e-3, 0.0, radius - 1e-3);
+    for above in (0..50).rev() {
+        tool.tick(&(hand + Vec3::z() * (f64::from(above) * 1e-4)));
+    }
+    assert!((tool.force().z - 1e-3 * STIFFEST).abs() < 1e-9);
+    let second = obstacle(&divided, 0.3);
+    // The sites keep their slots.
+    let slot = |vertex: u32| {
+        let place = second.sites[vertex as usize].place;
+        first
+            .sites
+            .iter()
+            .position(|site| site.place == place)
+            .unwrap() as u8
+    };
+    let triangles = second.head.triangles().map(|triangle| Triangle {
+        corners: triangle.corners.map(|corner| slot(corner.into())),
+        ..*triangle
+    });
+    let triangles: Vec<Triangle> = triangles.collect();
+    first.head.triangle_count = 4;
+    first.head.triangles[..4].copy_from_slice(&triangles);
+    first.head.sequence = 2;
+    tool.accept(&first).unwrap();
+    for _ in 0..200 {
+        tool.tick(&hand);
+    }
+    // Over the funnel, the tool is free.
+    assert!(tool.force().norm() < 1e-9, "{}", tool.force());
+}
+
 #[test]
 fn friction_holds_up_to_the_cone_and_no_further() {
     for stiffness in [1000.0, f64::INFINITY] {
