@@ -1,7 +1,7 @@
 //! Warnings about round obstacles that fit between the vertices of a body.
 //!
-//! A sphere, a capsule and a cylinder meet the vertices of a body, and not its edges. The surface of a coarse body falls around
-//! an obstacle that is narrower than an edge is long. The triangles of a box or of a mesh meet edges, too.
+//! A capsule and a cylinder meet the vertices of a body, and not its edges. The surface of a coarse body falls around
+//! an obstacle that is narrower than an edge is long. Spheres and the triangles of a box or of a mesh meet edges, too.
 
 use super::Built;
 use super::contact::{ContactPair, Contacts, Thing};
@@ -47,12 +47,13 @@ pub(super) fn warnings(
     each.filter_map(warn).collect()
 }
 
-/// The smallest radius of a round shape (m); `None` for a shape that passes between no vertices.
+/// The smallest radius of a round shape (m); `None` for a shape that meets edges.
 fn narrowest(geometry: &Geometry) -> Option<f64> {
     match geometry {
-        Geometry::Shape(Shape::Sphere { radius } | Shape::Capsule { radius, .. }) => Some(*radius),
+        Geometry::Shape(Shape::Capsule { radius, .. }) => Some(*radius),
         Geometry::Shape(Shape::Cylinder { radius, half }) => Some(radius.min(*half)),
-        Geometry::Shape(Shape::Plane | Shape::Box { .. }) | Geometry::Mesh(_) => None,
+        Geometry::Shape(Shape::Plane | Shape::Sphere { .. } | Shape::Box { .. })
+        | Geometry::Mesh(_) => None,
     }
 }
 

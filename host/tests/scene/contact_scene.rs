@@ -457,8 +457,11 @@ fn a_run_takes_a_scene_with_contact_and_solve_refuses_its_motion() {
 fn a_round_obstacle_that_fits_between_vertices_is_told() {
     // The longest edges: of the cloth 35 mm, of the block 71 mm, of the cord 25 mm.
     for (shape, told) in [
-        ("shape = \"sphere\"\nradius = 0.05", &[][..]),
-        ("shape = \"sphere\"\nradius = 0.02", &["block"]),
+        ("shape = \"sphere\"\nradius = 0.01", &[][..]),
+        (
+            "shape = \"capsule\"\nradius = 0.02\nlength = 0.06",
+            &["block"],
+        ),
         (
             "shape = \"capsule\"\nradius = 0.01\nlength = 0.06",
             &["block", "cloth", "cord"],

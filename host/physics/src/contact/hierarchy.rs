@@ -190,6 +190,26 @@ impl Hierarchy {
         &self.clusters
     }
 
+    /// Calls `found` for each facet of a cluster of this number: a triangle, or a segment of a thread with its second end twice.
+    pub(crate) fn each_facet(
+        &self,
+        surfaces: &Surfaces,
+        cluster: usize,
+        found: &mut dyn FnMut([u32; 3]),
+    ) {
+        let cluster = &self.clusters[cluster];
+        let is_thread = surfaces.parts[cluster.part].triangles.is_empty();
+        for leaf in &self.leaves[cluster.leaves.clone()] {
+            for triangle in &self.triangles[leaf.triangles.clone()] {
+                found(surfaces.triangles[*triangle as usize]);
+            }
+            for edge in self.edges[leaf.edges.clone()].iter().filter(|_| is_thread) {
+                let [a, b] = surfaces.edges[*edge as usize];
+                found([a, b, b]);
+            }
+        }
+    }
+
     /// The vertices of a cluster.
     pub fn members(&self, cluster: usize) -> &[u32] {
         &self.members[self.clusters[cluster].members.clone()]

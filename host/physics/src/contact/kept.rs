@@ -4,6 +4,7 @@
 //! triangle. If a vertex has several contacts with a part, the direction tells them apart. A contact of edges is known by
 //! their vertices.
 
+use super::between::Between;
 use crate::Vec3;
 
 /// The least product of the directions of a contact in two steps that follow each other.
@@ -19,6 +20,8 @@ pub(super) fn is_same(one: &Vec3, other: &Vec3) -> bool {
 pub enum Key {
     /// A vertex and the other part, or the number of parts and that of the obstacle in sum.
     Vertex(u32, u32),
+    /// A point between vertices, and the other side as above.
+    Between(Between, u32),
     /// The vertices of two edges: each edge ascending, the smaller edge first.
     Edges([u32; 4]),
 }
@@ -28,6 +31,7 @@ impl Key {
     pub(super) fn renumbered(self, number: &dyn Fn(u32) -> Option<u32>) -> Option<Self> {
         Some(match self {
             Self::Vertex(vertex, part) => Self::Vertex(number(vertex)?, part),
+            Self::Between(point, part) => Self::Between(point.renumbered(number)?, part),
             Self::Edges([a, b, c, d]) => {
                 let edge = |a, b| {
                     let [a, b] = [number(a)?, number(b)?];

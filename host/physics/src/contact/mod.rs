@@ -3,7 +3,7 @@
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
 //! - [`row`]: the law of a contact. [`rows`]: the contacts of a step, from its pairs and shapes. `feet`: where a pair may
-//!   touch. `nearest`: what a vertex touches. `least`: which connections are contacts. `kept`: what contacts keep from step to step. `thinning`: which contacts have
+//!   touch. `between`: points between vertices. `nearest`: what a vertex touches. `least`: which connections are contacts. `kept`: what contacts keep from step to step. `thinning`: which contacts have
 //!   rows.
 //! - `faces`: the two faces of a tear.
 //! - [`facet`]: the facets of solids, and what two of them share.
@@ -19,6 +19,7 @@
 //! neighbours (1967); the clusters with a measure of their deformation: chapter 4 of the thesis that this project follows.
 
 pub mod aabb;
+mod between;
 pub mod certificate;
 pub mod crossing;
 pub mod distance;

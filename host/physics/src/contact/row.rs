@@ -74,6 +74,13 @@ impl Row {
         self.with_normal(&relative, gap, normal, self.friction * normal)
     }
 
+    /// The response to the displacement `ju` (m) with friction forces up to `most` (N).
+    pub fn response_within(&self, ju: &Vec3, most: f64) -> Response {
+        let relative = ju - self.motion;
+        let gap = self.gap + self.normal.dot(&relative);
+        self.with_normal(&relative, gap, self.normal_force(gap), most)
+    }
+
     /// The normal force (N) at a gap (m).
     fn normal_force(&self, gap: f64) -> f64 {
         let linear = self.carried - self.normal_stiffness * gap;

@@ -6,6 +6,9 @@
 //! of a convex function, so its product with `du` falls monotonically along `du`. If it changes sign within the pass, a line
 //! search finds where it is zero (false position; Nocedal and Wright, "Numerical optimization", 2006, chapter 3). Without the
 //! line search, friction cycles.
+//!
+//! Where contacts wedge a body, a larger friction force lowers the normal force that bounds it, and more. The bounds would swing
+//! further with each pass. So a pass takes a fraction of the change of the bounds, which the last two changes tell (`relaxed`).
 
 use super::joined::{At, Workspace, at, iterate};
 use super::joint_equation::JointEquation;
@@ -26,6 +29,8 @@ const PASSES: usize = 12;
 const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
+/// The least fraction of a change of friction's bounds that is taken.
+const LEAST_RELAXATION: f64 = 0.2;
 /// Most evaluations of the rows in a line search.
 const EVALUATIONS: usize = 12;
 
@@ -46,6 +51,10 @@ pub struct Touch<N = Four> {
     pub stiffened: f64,
     /// The response before the last update of the multiplier.
     before: Response,
+    /// The largest friction force in a pass (N).
+    bound: f64,
+    /// The friction cone's largest force less the bound, before the last change of the bound (N).
+    more: f64,
     pass: Pass,
 }
 
@@ -69,6 +78,8 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
             response,
             stiffened: 0.0,
             before: response,
+            bound: row.friction * response.normal,
+            more: 0.0,
             row,
             pass: Pass {
                 start: Vec3::zeros(),
@@ -96,6 +107,12 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
         nodes.map(|(at, weight)| of(*at) * *weight).sum()
     }
 
+    /// Responds to the displacement at the start of the pass, with friction bounded by its cone.
+    fn respond(&mut self) {
+        self.response = self.row.response(&self.pass.start);
+        self.bound = self.row.friction * self.response.normal;
+    }
+
     /// Takes the stiffness that the force needs at the depth that the contact may have, or that the bodies behind the contact need,
     /// whichever is larger. The masses of the vertices do not tell the stiffness of the bodies.
     fn stiffen(&mut self) {
@@ -109,6 +126,16 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
             self.row.normal_stiffness = stiffness;
             self.stiffened = stiffness;
         }
+    }
+
+    /// Takes another direction and gap (m), which hold better at the present displacement. The multiplier is carried on.
+    pub(super) fn look_again(&mut self, normal: Vec3, gap: f64) {
+        self.row = Row {
+            normal,
+            gap,
+            carried: self.response.normal,
+            ..self.row
+        };
     }
 
     pub(super) fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
@@ -145,6 +172,8 @@ pub struct TouchReport {
     pub searched: usize,
     /// Whether the residual is small.
     pub converged: bool,
+    /// The residual, as a fraction of the forces of the contacts (1).
+    pub left: f64,
 }
 
 /// Adds forces (N) to the residuals of the bodies.
@@ -171,14 +200,33 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     room: &mut Workspace,
     out_of_time: &mut dyn FnMut() -> bool,
 ) -> TouchReport {
+    begin(bodies);
+    let report = approach(bodies, touches, updates, room, out_of_time);
+    end(bodies, touches, room, &report);
+    report
+}
+
+/// Begins to solve bodies: takes the pairs of tears into their equations.
+pub(super) fn begin<E: JointEquation>(bodies: &mut [Option<E>]) {
+    bodies.iter_mut().flatten().for_each(E::hold_pairs);
+}
+
+/// Solves from the present displacements, whose residuals have no forces of these contacts. May be called again after
+/// [`unload`], for other contacts.
+pub(super) fn approach<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touches: &mut [Touch<N>],
+    updates: usize,
+    room: &mut Workspace,
+    out_of_time: &mut dyn FnMut() -> bool,
+) -> TouchReport {
     let mut report = TouchReport::default();
     for touch in &mut *touches {
         let ju = touch.difference(&|node| at(bodies, node, E::displacement));
-        touch.response = touch.row.response(&ju);
         touch.pass.start = ju;
+        touch.respond();
         load(bodies, touch, &touch.force());
     }
-    bodies.iter_mut().flatten().for_each(E::hold_pairs);
     let is_deep = |touch: &Touch<N>| {
         let Touch { row, response, .. } = touch;
         row.depth > 0.0 && response.gap < -row.depth && !row.is_at_most(response)
@@ -197,17 +245,21 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
                     touch.stiffen();
                 }
                 touch.before = touch.response;
-                touch.response = touch.row.response(&touch.pass.start);
+                touch.respond();
                 load(bodies, touch, &(touch.force() - before));
             }
         }
+        let mut relaxation = 1.0;
         for number in 0..=PASSES {
+            let mut left = 0.0;
             if number > 0 {
                 pass(bodies, touches, room, &mut report, out_of_time);
+                relaxation = relaxed(touches, relaxation, number);
+                left = bound(bodies, touches, relaxation);
             }
             bodies.iter_mut().flatten().for_each(E::let_go);
             weigh(bodies, touches, room);
-            is_solved = room.is_solved(bodies);
+            is_solved = room.is_solved(bodies) && left <= least_goal(bodies, room);
             if is_solved {
                 break;
             }
@@ -215,13 +267,42 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     }
     report.converged = is_solved;
     if !is_solved {
+        bound(bodies, touches, 1.0);
+        weigh(bodies, touches, room);
         // Without a solution, the stiffness may come from rows against each other.
         for touch in &mut *touches {
             touch.stiffened = 0.0;
         }
     }
+    let sum = |of: &[f64]| of.iter().map(|one| one * one).sum::<f64>().sqrt();
+    let loads = sum(&room.loads);
+    report.left = if loads > 0.0 {
+        sum(&room.left) / loads
+    } else {
+        0.0
+    };
+    report
+}
+
+/// Takes the forces of contacts out of the residuals.
+pub(super) fn unload<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touches: &[Touch<N>],
+) {
+    for touch in touches {
+        load(bodies, touch, &-touch.force());
+    }
+}
+
+/// Ends the solve.
+pub(super) fn end<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touches: &[Touch<N>],
+    room: &mut Workspace,
+    report: &TouchReport,
+) {
     room.forces.clear();
-    for touch in &*touches {
+    for touch in touches {
         touch.add(&touch.force(), &mut |at, force| {
             room.forces.push((at, force));
         });
@@ -234,7 +315,45 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             body.solved(&mut own, *load, report.iterations, *left);
         }
     }
-    report
+}
+
+/// The fraction of the changes of friction's bounds that is taken in the pass of this `number` (Irons and Tuck, "A version of the Aitken accelerator for
+/// computer iteration", 1969).
+fn relaxed<N>(touches: &[Touch<N>], relaxation: f64, number: usize) -> f64 {
+    if number == 1 {
+        return 1.0;
+    }
+    let mut sums = [0.0; 2];
+    for touch in touches {
+        let more = touch.row.friction * touch.response.normal - touch.bound;
+        let by = more - touch.more;
+        sums = [sums[0] + touch.more * by, sums[1] + by * by];
+    }
+    let next = -relaxation * sums[0] / sums[1];
+    if next.is_finite() {
+        next.clamp(LEAST_RELAXATION, 1.0)
+    } else {
+        1.0
+    }
+}
+
+/// Moves the bounds of friction towards the cones. Returns what is left (N).
+fn bound<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touches: &mut [Touch<N>],
+    relaxation: f64,
+) -> f64 {
+    let mut left = 0.0_f64;
+    for touch in touches {
+        let cone = touch.row.friction * touch.response.normal;
+        touch.more = cone - touch.bound;
+        touch.bound += relaxation * touch.more;
+        left = left.hypot(cone - touch.bound);
+        let before = touch.force();
+        touch.response = touch.row.response_within(&touch.pass.start, touch.bound);
+        load(bodies, touch, &(touch.force() - before));
+    }
+    left
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.
@@ -256,6 +375,13 @@ fn weigh<E: JointEquation, N: AsRef<[(At, f64)]>>(
     }
 }
 
+/// The least residual (N) at which a body is solved.
+fn least_goal<E: JointEquation>(bodies: &[Option<E>], room: &Workspace) -> f64 {
+    let each = bodies.iter().zip(&room.loads);
+    let each = each.filter_map(|(body, load)| Some(body.as_ref()?.goal(*load)));
+    each.fold(f64::INFINITY, f64::min)
+}
+
 /// One pass from the present displacement, whose residual includes the forces of the contacts there.
 fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
@@ -270,13 +396,7 @@ fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
     }
     bodies.iter_mut().flatten().for_each(E::mark);
     let sum = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
-    let goal = bodies.iter().zip(&room.loads).filter_map(|(body, load)| {
-        let body = body.as_ref()?;
-        Some(0.5 * body.goal(*load))
-    });
-    let goal = goal
-        .fold(f64::INFINITY, f64::min)
-        .max(ACCURACY * sum(&room.left));
+    let goal = (0.5 * least_goal(bodies, room)).max(ACCURACY * sum(&room.left));
     let shared: &[Touch<N>] = touches;
     report.passes += 1;
     report.iterations += iterate(
@@ -305,14 +425,11 @@ fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
     let along = |a: f64| {
         let mut sum = (1.0 - a) * linear[0] + a * linear[1];
         for Touch {
-            row,
-            response,
-            pass,
-            ..
+            row, bound, pass, ..
         } in &*touches
         {
             let by = pass.end - pass.start;
-            let found = row.force_with(&(pass.start + by * a), row.friction * response.normal);
+            let found = row.force_with(&(pass.start + by * a), *bound);
             sum += (found - (pass.force - pass.tangent * by * a)).dot(&by);
         }
         sum
@@ -333,7 +450,7 @@ fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
         let by = (touch.pass.end - touch.pass.start) * fraction;
         let linear = touch.pass.force - touch.pass.tangent * by;
         touch.pass.start += by;
-        touch.response = touch.row.response(&touch.pass.start);
+        touch.response = touch.row.response_within(&touch.pass.start, touch.bound);
         load(bodies, touch, &(touch.force() - linear));
     }
 }
@@ -357,4 +474,48 @@ fn zero(start: f64, end: f64, along: &dyn Fn(f64) -> f64) -> f64 {
         }
     }
     0.5 * (low.0 + high.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::stepper::Equation;
+
+    /// The bound of friction after some passes of a contact that is wedged: its normal force falls by `fall` times the bound.
+    fn settled(fall: f64, relaxes: bool) -> f64 {
+        let row = Row {
+            normal: Vec3::z(),
+            gap: 0.0,
+            motion: Vec3::zeros(),
+            friction: 0.5,
+            depth: 0.0,
+            normal_stiffness: 100.0,
+            friction_stiffness: 100.0,
+            carried: 2.0,
+            most: f64::INFINITY,
+            anchored: Vec3::x() * 9.0,
+        };
+        let mut touches = [Touch::new([], row)];
+        let mut relaxation = 1.0;
+        for number in 1..=PASSES {
+            let [touch] = &mut touches;
+            touch.pass.start = Vec3::z() * (fall * touch.bound / row.normal_stiffness);
+            touch.response = row.response_within(&touch.pass.start, touch.bound);
+            if relaxes {
+                relaxation = relaxed(&touches, relaxation, number);
+            }
+            bound::<Equation<'_, f64>, _>(&mut [], &mut touches, relaxation);
+        }
+        touches[0].bound
+    }
+
+    #[test]
+    fn the_bound_of_friction_settles_in_a_wedge() {
+        for fall in [0.5, 1.0, 2.6, 4.0] {
+            let exact = 0.5 * 2.0 / (1.0 + 0.5 * fall);
+            assert!((settled(fall, true) - exact).abs() < 1e-9, "{fall}");
+        }
+        // Without a fraction, it swings between nothing and the cone.
+        assert!((settled(2.6, false) - 1.0 / 2.3).abs() > 0.3);
+    }
 }

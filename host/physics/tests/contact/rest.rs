@@ -138,6 +138,36 @@ fn a_sheet_rests_on_each_shape() {
     }
 }
 
+/// Balls below the middles of facets that are many times larger.
+#[test]
+fn a_coarse_sheet_rests_on_small_balls() {
+    let radius = 1e-3;
+    let shape = Shape::Sphere { radius };
+    let start = Vec3::z() * (0.5 * THICKNESS + 0.2e-3);
+    let mesh = flat([2, 1], 0.0, start);
+    let middles = mesh.triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|vertex| mesh.positions[vertex as usize]);
+        (a + b + c) / 3.0
+    });
+    let mut at: Vec<Vec3> = middles.map(|at| Vec3::new(at.x, at.y, -radius)).collect();
+    // One lies below an edge.
+    at.push(Vec3::new(0.0, 0.0, -radius));
+    let mut world = World::new(vec![sheet(mesh, GRAVITY)], vec![], false);
+    world.obstacles = at.iter().map(|at| still(shape, *at)).collect();
+    world.friction = 0.5;
+    run(&mut world, 200, 0.25);
+    // It still rocks a little.
+    check_rest(&world, 1e-3, 0.02);
+    assert!(
+        world
+            .touches
+            .iter()
+            .filter(|touch| touch.response.normal > 0.0)
+            .count()
+            >= 3
+    );
+}
+
 #[test]
 fn a_sheet_rests_on_meshes() {
     for mesh in [floor(), ball(0.2, 4, Vec3::z() * -0.2)] {

@@ -1,6 +1,6 @@
 //! The plan of a tool: how far the host tells the surface near it, and how large a message is.
 
-use super::super::tool::{LEAST_REACH, REACH, horizon, stiffest};
+use super::super::tool::{LEAST_REACH, LEAST_SPEED, REACH, horizon, stiffest};
 use crate::world::World;
 use crate::world::shapes::round;
 use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch};
@@ -30,7 +30,7 @@ impl ToolPlan {
         let plans = scene.numbered_tools().map(|(tool, device, _)| Self {
             tool: tool.name.clone(),
             device: tool.device.clone(),
-            reach: LEAST_REACH * tool.radius,
+            reach: (REACH * LEAST_SPEED * horizon(&scene.host)).max(LEAST_REACH * tool.radius),
             reach_time: REACH * horizon(&scene.host),
             stiffest: stiffest(world.loaded, device),
             bytes: size_of::<Patch>(),

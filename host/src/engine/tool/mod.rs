@@ -4,8 +4,8 @@
 //! tool as a patch: material points (the **sites**), the triangles between them, the forces of the tool on them, and their
 //! compliance (`rt_core::tool` has the law by which the tick uses it).
 //!
-//! **Sites.** Where the surface near the tool has more vertices than a patch has sites, the sites are some of the vertices, and
-//! each other vertex belongs to the nearest site: its force counts at the site, and a triangle between three sites stands for
+//! **Sites.** Where the surface near the tool has more vertices than a patch has sites, the sites are some of the vertices, the
+//! denser the nearer to the tool, and each other vertex belongs to the nearest site: its force counts at the site, and a triangle between three sites stands for
 //! those between their vertices (vertex clustering: Rossignac and Borrel, "Multi-resolution 3D approximations for rendering
 //! complex scenes", 1993). A vertex that was a site stays one while it is near.
 
@@ -31,8 +31,14 @@ use rt_core::{Pose, TickRecord};
 pub(super) const REACH: f64 = 2.0;
 /// The least of this reach, as a fraction of the radius.
 pub(super) const LEAST_REACH: f64 = 0.5;
-/// The growth of the distance between sites while there are too many.
-const FURTHER: f64 = 1.2;
+/// The speed (m/s) for which a tool at rest is told of the surface near it.
+pub(super) const LEAST_SPEED: f64 = 0.5;
+/// The distance between sites grows with the distance from the tool, by this slope (1) at least, and by as much more in each trial
+/// while there are too many.
+const LEAST_SLOPE: f64 = 0.1;
+const FURTHER: f64 = 1.1;
+/// The distance from the nearest site, as a fraction of the radius, within which sites are equally dense.
+const FINEST: f64 = 0.25;
 /// The fraction of the largest force of a site below which the site is not loaded.
 const LOADED: f64 = 1e-3;
 /// The stiffest spring (N/m) that any device renders, also one of unknown friction and damping.
@@ -178,7 +184,8 @@ impl HostTool {
         if !contacts.moved_as_solved(Side::Obstacle(self.spec.obstacle)) {
             return;
         }
-        let way = REACH * self.path.velocity().norm() * self.spec.horizon;
+        let speed = self.path.velocity().norm().max(LEAST_SPEED);
+        let way = REACH * speed * self.spec.horizon;
         let around = Around {
             obstacle: self.spec.obstacle,
             centre: self.centre,
@@ -210,26 +217,26 @@ impl HostTool {
             let by_kept = is_kept(b).cmp(&is_kept(a));
             by_kept.then(a.distance.total_cmp(&b.distance))
         });
-        let mut apart = 0.0;
+        let each = self.surface.vertices.iter().map(|near| near.distance);
+        let nearest = each.fold(f64::INFINITY, f64::min);
+        let mut slope = 0.0;
         let mut sites: Vec<usize> = Vec::new();
         loop {
             sites.clear();
             for at in &order {
                 // Each body near the tool has a site.
-                let Near { vertex, place, .. } = self.surface.vertices[*at];
+                let near = &self.surface.vertices[*at];
+                let apart = slope * (near.distance - nearest + FINEST * self.spec.radius);
                 let others = sites.iter().map(|site| &self.surface.vertices[*site]);
-                let mut others = others.filter(|other| other.vertex.side == vertex.side);
-                if others.all(|other| (other.place - place).norm() > apart) {
+                let mut others = others.filter(|other| other.vertex.side == near.vertex.side);
+                if others.all(|other| (other.place - near.place).norm() > apart) {
                     sites.push(*at);
                 }
             }
             if sites.len() <= MAX_SITES {
                 break;
             }
-            // The first distance is that of a patch with as many sites.
-            let furthest = self.surface.triangles.last();
-            let radius = furthest.map_or(0.0, |last| last.distance);
-            apart = (apart * FURTHER).max(radius / MAX_SITES as f64);
+            slope = (slope * FURTHER).max(LEAST_SLOPE);
         }
         // A vertex that was a site keeps its slot.
         let mut slots = [None; MAX_SITES];

@@ -9,6 +9,8 @@
 use super::parts::{Meetings, Owner};
 use super::{Contacts, Member};
 use crate::Vec3;
+use crate::contact::distance::point_triangle;
+use crate::contact::shape::Shape;
 use crate::contact::{Hierarchy, Placed, Surfaces};
 use crate::element::precision::Precision;
 
@@ -124,7 +126,8 @@ impl All<'_> {
         least
     }
 
-    /// The least distance between a vertex and a shape that may touch, less the distance at which they touch (m).
+    /// The least distance between a vertex and a shape that may touch, or between a facet and a sphere, less the distance at which
+    /// they touch (m).
     fn before_shapes(&self, shapes: &[Placed]) -> f64 {
         let parts = self.surfaces.parts.len();
         let mut least = f64::INFINITY;
@@ -134,7 +137,19 @@ impl All<'_> {
                     continue;
                 };
                 let distance = |p: &Vec3| placed.at_start(p).distance - meeting.distance;
-                if distance(&cluster.centre) - cluster.extent < least {
+                if distance(&cluster.centre) - cluster.extent >= least {
+                    continue;
+                }
+                if let Shape::Sphere { radius } = placed.shape {
+                    let centre = placed.start.translation.vector;
+                    let touches = radius + meeting.distance;
+                    self.hierarchy
+                        .each_facet(self.surfaces, index, &mut |corners| {
+                            let corners = corners.map(|vertex| &self.x[vertex as usize]);
+                            least =
+                                least.min(point_triangle(&centre, corners).apart.norm() - touches);
+                        });
+                } else {
                     let members = self.hierarchy.members(index).iter();
                     let each = members.map(|vertex| distance(&self.x[*vertex as usize]));
                     least = each.fold(least, f64::min);

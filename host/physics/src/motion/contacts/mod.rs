@@ -20,6 +20,7 @@ mod certify;
 mod clearance;
 mod facets;
 mod islands;
+mod look;
 mod parts;
 mod report;
 mod springs;
@@ -34,7 +35,7 @@ pub(crate) use still::Still;
 
 use super::joined::{At, Workspace};
 use super::stepper::{Equation, Stepper};
-use super::touching::{self, Touch};
+use super::touching::{self, Touch, TouchReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::obstacle::TimedPose;
@@ -50,6 +51,8 @@ use parts::{Meetings, Owner, Source};
 pub const MOST_BODIES: usize = 8;
 /// The rows of a scene for each vertex of its surfaces, at most.
 const ROWS_PER_VERTEX: usize = 6;
+/// How often the contacts with spheres are looked at again in a step, at the displacements that the solver found.
+const LOOKS: usize = 4;
 /// The speed at which sides part that overlap at the start (m/s).
 const PARTING: f64 = 0.2;
 /// The normal of a contact in a local model is stiffer than its row by this factor: the carried multiplier makes
@@ -463,6 +466,10 @@ impl Contacts {
                 continue;
             };
             let mut lent: [Option<Equation<'_, T>>; MOST_BODIES] = [const { None }; MOST_BODIES];
+            let mut nodes = [0; MOST_BODIES];
+            for (count, member) in nodes.iter_mut().zip(&*members) {
+                *count = member.body.node_positions().len();
+            }
             for (body, (lent, member)) in lent.iter_mut().zip(&mut *members).enumerate() {
                 if self.islands.root(body) == root
                     && let Some(stepper) = &mut member.stepper
@@ -472,18 +479,38 @@ impl Contacts {
             }
             let mut rows = self.of_row[from..end].iter();
             let is_impact = rows.any(|row| self.rows.contacts()[*row].is_impact);
-            let report = touching::solve(
-                &mut lent,
-                &mut self.touches[from..end],
-                if is_impact { 2 } else { 1 },
-                &mut self.room,
-                &mut || out_of_time(root),
-            );
+            let mut updates = if is_impact { 2 } else { 1 };
+            let (mut report, mut end) = (TouchReport::default(), end);
+            touching::begin(&mut lent);
+            for look in 0..=LOOKS {
+                if look > 0 {
+                    let Some(further) = self.look(&mut lent, &nodes, from..end) else {
+                        break;
+                    };
+                    (end, updates) = (further, 1);
+                }
+                let found = touching::approach(
+                    &mut lent,
+                    &mut self.touches[from..end],
+                    updates,
+                    &mut self.room,
+                    &mut || out_of_time(root),
+                );
+                report = TouchReport {
+                    passes: report.passes + found.passes,
+                    iterations: report.iterations + found.iterations,
+                    searched: report.searched + found.searched,
+                    ..found
+                };
+            }
+            let solved = &self.touches[from..end];
+            touching::end(&mut lent, solved, &mut self.room, &report);
             let solved = &mut self.report.solved;
             solved.passes = solved.passes.max(report.passes);
             solved.iterations += report.iterations;
             solved.searched += report.searched;
             solved.converged &= report.converged;
+            solved.left = solved.left.max(report.left);
             from = end;
         }
     }

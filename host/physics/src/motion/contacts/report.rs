@@ -10,6 +10,9 @@ use crate::motion::constraint::tangent::Tangent;
 use crate::motion::joined::At;
 use crate::motion::touching::{Touch, TouchReport};
 
+/// The residual of a step, as a fraction of the forces of the contacts, above which the step is not solved.
+const UNSOLVED: f64 = 0.02;
+
 /// A side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
@@ -98,9 +101,12 @@ impl Contacts {
         })
     }
 
-    /// Whether all vertices that touch a side have moved as the last step was solved. Where truncation or the guard of energy stops
+    /// Whether the last step was solved, and all vertices that touch a side have moved so. Where truncation or the guard of energy stops
     /// vertices, the forces of the solution are not those of the motion.
     pub fn moved_as_solved(&self, side: Side) -> bool {
+        if self.report.solved.left > UNSOLVED {
+            return false;
+        }
         let touches = self.touches.iter().zip(&self.of_row);
         let acting = touches.filter(|(touch, _)| touch.response.normal > 0.0);
         let mut contacts = acting.map(|(_, row)| &self.rows.contacts()[*row]);
