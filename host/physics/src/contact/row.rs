@@ -120,10 +120,8 @@ impl Row {
     /// The force (N) with the largest friction force held at `most` (N). It is the gradient of a convex function of the
     /// displacement, so the residual along a direction falls monotonically: what a line search needs.
     pub fn force_with(&self, ju: &Vec3, most: f64) -> Vec3 {
-        let relative = ju - self.motion;
-        let gap = self.gap + self.normal.dot(&relative);
-        let normal = self.normal_force(gap);
-        self.normal * normal + self.with_normal(&relative, gap, normal, most).friction
+        let response = self.response_within(ju, most);
+        self.normal * response.normal + response.friction
     }
 
     /// The energy (J) whose gradient is the normal force and the `friction` force (N), for a displacement (m).
