@@ -1,8 +1,8 @@
 //! Faults of the host, made on purpose: they show the force on the hand when the physics fails.
 //!
 //! `Failing` wraps the engine, and the host's loop under either clock drives the wrapper. The response of the tick
-//! (the force fades, bad models are refused and counted) is that of the product: nothing from here reaches the tick
-//! except models that a failing host could send.
+//! (the force fades, bad models and patches are refused and counted) is that of the product: nothing from here reaches the tick
+//! except models and patches that a failing host could send.
 
 use super::Engine;
 use super::pacer::Due;
@@ -17,9 +17,9 @@ pub enum FaultKind {
     Stall,
     /// The host's thread panics.
     Panic,
-    /// The host publishes models with values that are not numbers.
+    /// The host publishes models and patches with values that are not numbers.
     NotANumber,
-    /// The host publishes models whose handles are not those of the body.
+    /// The host publishes models whose handles are not those of the body, and patches whose triangles have no sites.
     Topology,
 }
 
@@ -78,14 +78,20 @@ impl Faults {
         assert!(!self.pending.iter().any(due), "a fault on purpose");
     }
 
+    /// The faults of what is published at `now_ns`.
+    fn due(&self, now_ns: u64) -> impl Iterator<Item = FaultKind> + '_ {
+        let due = self.pending.iter();
+        let due = due.filter(move |fault| fault.lasts_at(now_ns));
+        due.map(|fault| fault.kind)
+    }
+
     /// A spoilt copy of the model that is published at `now_ns`, if a fault is due. A sound model is not copied,
     /// since it takes some 39 kB.
     fn spoilt(&self, now_ns: u64, model: &LocalModel) -> Option<LocalModel> {
-        let due = || self.pending.iter().filter(|fault| fault.lasts_at(now_ns));
-        due().next()?;
+        self.due(now_ns).next()?;
         let mut model = *model;
-        for fault in due() {
-            match fault.kind {
+        for kind in self.due(now_ns) {
+            match kind {
                 FaultKind::NotANumber => {
                     model.stiffness[0][0][(0, 0)] = f64::NAN;
                     model.handles[0].wrench.force.x = f64::NAN;
@@ -102,18 +108,41 @@ impl Faults {
         }
         Some(model)
     }
+
+    /// Spoils a patch that is published at `now_ns`. A patch without sites is spoilt, too.
+    fn spoil(&self, now_ns: u64, patch: &mut Patch) {
+        for kind in self.due(now_ns) {
+            match kind {
+                FaultKind::NotANumber => {
+                    patch.head.stiffness = f64::NAN;
+                    patch.sites[0].place.x = f64::NAN;
+                }
+                FaultKind::Topology => {
+                    patch.head.triangle_count = patch.head.triangle_count.max(1);
+                    patch.head.triangles[0].corners = [patch.head.site_count; 3];
+                }
+                FaultKind::Stall | FaultKind::Panic => {}
+            }
+        }
+    }
 }
 
 /// An engine that fails at given times.
 pub(crate) struct Failing {
     engine: Engine,
     faults: Faults,
+    /// The patches that the last step published, if they are spoilt, each with the device of its tool.
+    spoilt: Vec<(usize, Patch)>,
 }
 
 impl Failing {
     /// `engine`, with `faults`.
     pub(crate) fn new(engine: Engine, faults: Faults) -> Self {
-        Self { engine, faults }
+        Self {
+            engine,
+            faults,
+            spoilt: Vec::new(),
+        }
     }
 
     /// The end (ns) of a stall that begins at `now_ns`, if one does. The loop that drives the engine waits until
@@ -127,7 +156,7 @@ impl Failing {
         self.engine.follow(record);
     }
 
-    /// As [`Engine::step`], with spoilt models if a fault is due.
+    /// As [`Engine::step`], with spoilt models and patches if a fault is due.
     ///
     /// # Panics
     /// If a panic is due.
@@ -143,6 +172,15 @@ impl Failing {
             let spoilt = faults.spoilt(due.time_ns, model);
             publish(body, spoilt.as_ref().unwrap_or(model));
         });
+        self.spoilt.clear();
+        if faults.due(due.time_ns).next().is_some() {
+            let sound = self.engine.patches();
+            self.spoilt.extend(sound.map(|(device, patch)| {
+                let mut patch = patch.clone();
+                faults.spoil(due.time_ns, &mut patch);
+                (device, patch)
+            }));
+        }
     }
 
     /// The engine.
@@ -155,9 +193,11 @@ impl Failing {
         &mut self.engine
     }
 
-    /// As [`Engine::patches`].
+    /// As [`Engine::patches`], spoilt if a fault was due in the last step.
     pub(crate) fn patches(&self) -> impl Iterator<Item = (usize, &Patch)> {
-        self.engine.patches()
+        let sound = self.engine.patches().filter(|_| self.spoilt.is_empty());
+        let spoilt = self.spoilt.iter();
+        spoilt.map(|(device, patch)| (*device, patch)).chain(sound)
     }
 
     /// As [`Engine::stats`].
@@ -208,6 +248,28 @@ mod tests {
         assert_eq!(spoilt.head.handle_count, 1);
         assert_ne!(spoilt.handles[0].device, model.handles[0].device);
         assert!(faults.spoilt(2_000_000_000, &model).is_none());
+    }
+
+    #[test]
+    fn a_patch_without_sites_is_spoilt() {
+        let spoilt = |kind| {
+            let faults = Faults::new(vec![HostFault {
+                kind,
+                at: 1.0,
+                duration: 1.0,
+            }]);
+            let mut patch = Patch::empty();
+            faults.spoil(2_000_000_000, &mut patch);
+            assert_eq!(patch, Patch::empty());
+            faults.spoil(1_000_000_000, &mut patch);
+            patch.head
+        };
+        assert!(spoilt(FaultKind::NotANumber).stiffness.is_nan());
+        let head = spoilt(FaultKind::Topology);
+        assert!(
+            head.triangles()
+                .any(|triangle| triangle.corners[0] >= head.site_count)
+        );
     }
 
     #[test]

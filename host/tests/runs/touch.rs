@@ -5,6 +5,7 @@ use host::log::Log;
 use host::run::prepare::Options;
 use host::run::replay::{replay, scene_of};
 use host::run::session::Session;
+use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
@@ -153,6 +154,76 @@ fn a_ball_on_a_block_whose_host_stalls_is_held() {
         .map(|tick| tick.tools[0].energy.least)
         .fold(0.0, f64::min);
     assert!(least > -1e-3, "{least:e}");
+}
+
+/// The ticks of a scene with one fault of the host, and the summary of the same run.
+fn failed(
+    loaded: &LoadedScene,
+    kind: FaultKind,
+    at: f64,
+    duration: f64,
+) -> (Vec<Telemetry>, RunSummary) {
+    let world = World::new(loaded).unwrap();
+    let faults = vec![HostFault { kind, at, duration }];
+    let options = Options {
+        faults: faults.clone(),
+        ..Options::new(2.5, 1)
+    };
+    let mut session = Session::new(&world, &options).unwrap();
+    let run = std::iter::from_fn(|| session.tick()).collect();
+    let options = RunOptions {
+        duration: Some(2.5),
+        faults,
+        ..RunOptions::new(Clock::Virtual)
+    };
+    (run, host::run::run(&world, &options, &mut |_| {}).unwrap())
+}
+
+/// The tick uses no patch that is spoilt, and holds the ball on the surface that it knows.
+#[test]
+fn a_ball_feels_nothing_of_patches_that_are_spoilt() {
+    let undisturbed = ticks(&shipped(), 2.5);
+    for kind in [FaultKind::NotANumber, FaultKind::Topology] {
+        let (run, summary) = failed(&shipped(), kind, 1.0, 0.5);
+        let force = |at: usize| run[at].devices[0].wrench.force;
+        for at in 0..1000 {
+            assert_eq!(force(at), undisturbed[at].devices[0].wrench.force, "{at}");
+        }
+        for at in 1000..2500 {
+            assert!(force(at).iter().all(|x| x.is_finite()), "{kind:?}: {at}");
+        }
+        for at in 1000..1200 {
+            let by = (force(at) - force(1000)).norm();
+            assert!(by < 0.05 * force(1000).norm(), "{kind:?}: {at}");
+        }
+        let last = undisturbed[2400].devices[0].wrench.force;
+        assert!((force(2400) - last).norm() < 0.05 * last.norm(), "{kind:?}");
+        // 60 a second.
+        let [ball] = &summary.tools[..] else {
+            panic!("{:?}", summary.tools);
+        };
+        assert!(
+            (28..32).contains(&ball.refused_patches),
+            "{kind:?}: {ball:?}"
+        );
+        assert!(ball.most_out < 1e-3, "{kind:?}: {ball:?}");
+    }
+}
+
+#[test]
+fn a_ball_whose_host_panics_fades_from_the_block() {
+    let young = changed(&[("[host]", "[loop]\nage_limit = 0.1\n\n[host]")]);
+    let (run, summary) = failed(&young, FaultKind::Panic, 1.0, 0.0);
+    let force = |at: usize| run[at].devices[0].wrench.force;
+    assert!(force(999).z > 1.0);
+    assert!(run.iter().all(|tick| tick.tools[0].energy.least > -1e-3));
+    // The force fades without a jump.
+    for at in 1000..2500 {
+        assert!((force(at) - force(at - 1)).norm() < 0.1, "{at}");
+    }
+    // The damping of the safe hold is left: 2 N s/m. The hand moves at up to 70 mm/s.
+    assert!((1500..2500).all(|at| force(at).norm() < 0.15));
+    assert_eq!(summary.tools[0].faded, 1);
 }
 
 #[test]
