@@ -331,7 +331,9 @@ impl Contact {
         self.sum_up();
         for (number, body) in bodies.iter_mut().enumerate() {
             if let Some(tears) = &mut body.stepping.tears {
-                tears.balance.push(self.contacts.work_on(number));
+                let work = self.contacts.work_on(number);
+                tears.balance.push(work);
+                tears.tearing.push(work);
             }
             body.receive(self.contacts.work_of_bodies_on(number));
         }

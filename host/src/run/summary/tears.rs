@@ -25,7 +25,7 @@ pub struct TearSummary {
     pub area: f64,
     /// The energy that the torn area takes (J): toughness times area. Zero under the law `thesis`.
     pub energy: f64,
-    /// The energy that hands supplied and that the body does not store at the end (J).
+    /// The energy that hands and contacts supplied and that the body does not store at the end (J).
     pub spent: f64,
     /// The part of the energy of the torn area that open edges have still to take at the end (J).
     pub pending: f64,

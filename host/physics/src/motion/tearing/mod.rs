@@ -102,7 +102,7 @@ pub struct TearReport {
     pub slackened: f64,
     /// The part of the energy of the torn area that pairs have still to take (J).
     pub pending: f64,
-    /// The energy that hands supplied and that the body does not store (J): tears, damping, and what the time steps lose.
+    /// The energy that hands and contacts supplied and that the body does not store (J): tears, damping, and what the time steps lose.
     /// Supports that move are not counted.
     pub spent: f64,
     /// The change of energy by edits (J): kinetic energy, energy of the loads, elastic energy.
@@ -280,6 +280,11 @@ impl Tearing {
     /// same shape stores another energy, which no hand supplied.
     pub fn begin_balance(&mut self) {
         self.energy = None;
+    }
+
+    /// Takes the work (J) of contacts on the body in a step into the balance of energy.
+    pub fn push(&mut self, work: f64) {
+        self.report.spent += work;
     }
 
     /// Follows the balance of energy of the body over a step. The power of a hand is that at the end of the step.

@@ -339,7 +339,7 @@ impl Tearing {
         let is_paced = stepper.pair(nodes).is_some_and(Cohesion::is_paced);
         let mut toughness = material.toughness;
         if is_paced {
-            // The energy that hands have still to supply for the torn area, in edges.
+            // The energy that hands and contacts have still to supply for the torn area, in edges.
             let taken = self.report.due - stepper.pending();
             let due = material.toughness * material.thickness * tip.edge;
             let lacking = ((taken - self.report.spent) / due).clamp(0.0, MOST_LACKING);
