@@ -11,6 +11,7 @@ use proptest::prelude::*;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::{CouplingConfig, HostState};
 use rt_core::device_frame::DeviceFrame;
+use rt_core::hull::Hull;
 use rt_core::safety::SafetyConfig;
 use rt_core::tool::{
     Patch, PatchFault, Site, ToolConfig, ToolCounters, ToolCouplingConfig, Triangle,
@@ -29,6 +30,7 @@ const RADIUS: f64 = 5e-3;
 fn tool() -> ToolCouplingConfig {
     ToolCouplingConfig {
         tool: ToolConfig {
+            hull: Hull::POINT,
             radius: RADIUS,
             period: PERIOD,
             stiffest: STIFFEST,

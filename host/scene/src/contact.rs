@@ -14,7 +14,7 @@ const MOST_FRAME_RATE: f64 = 1000.0;
 pub(super) fn check(scene: &Scene) -> Check {
     at_most("obstacle", scene.obstacles.len(), MAX_OBSTACLES)?;
     names("obstacle", scene.obstacles.iter().map(|one| &one.name))?;
-    for (index, obstacle) in scene.obstacles.iter().enumerate() {
+    for (index, obstacle) in scene.given_obstacles().iter().enumerate() {
         let at = format!("obstacle[{index}]");
         let mut bodies = scene.bodies.iter();
         let same = bodies.position(|body| body.name == obstacle.name);
@@ -49,18 +49,7 @@ fn check_obstacle(at: &str, obstacle: &Obstacle) -> Check {
         ("length", obstacle.length.map(|l| format!("{l:?}"))),
         ("size", obstacle.size.map(|s| format!("{s:?}"))),
     ];
-    for ((name, given), has) in given.into_iter().zip(has) {
-        let allowed = match &given {
-            None => format!("a `{name}`, which a {what} has"),
-            Some(_) => format!("no such field: a {what} has no {name}"),
-        };
-        require(
-            given.is_some() == has,
-            &format!("{at}.{name}"),
-            given.unwrap_or_else(|| "none".to_owned()),
-            allowed,
-        )?;
-    }
+    check_sizes(at, what, given.into_iter().zip(has))?;
     check_rotation(&format!("{at}.rotation"), obstacle.rotation)?;
     if let Some(mesh) = &obstacle.mesh {
         check_mesh(&format!("{at}.mesh"), mesh)?;
@@ -80,6 +69,27 @@ fn check_obstacle(at: &str, obstacle: &Obstacle) -> Check {
             &format!("{at}.{name}"),
             format!("`{name}` and `poses`"),
             "one of the two: `poses` has the whole motion",
+        )?;
+    }
+    Ok(())
+}
+
+/// Checks that a shape has the fields of its kind, `what`, and no other: each with its name, its value, and whether the kind has it.
+pub(super) fn check_sizes<'a>(
+    at: &str,
+    what: &str,
+    fields: impl Iterator<Item = ((&'a str, Option<String>), bool)>,
+) -> Check {
+    for ((name, given), has) in fields {
+        let allowed = match &given {
+            None => format!("a `{name}`, which a {what} has"),
+            Some(_) => format!("no such field: a {what} has no {name}"),
+        };
+        require(
+            given.is_some() == has,
+            &format!("{at}.{name}"),
+            given.unwrap_or_else(|| "none".to_owned()),
+            allowed,
         )?;
     }
     Ok(())

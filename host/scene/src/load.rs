@@ -364,7 +364,8 @@ fn obstacles(
             files.poses = Some(poses::parse(&text, &path.display().to_string())?);
         }
         if let Some(mesh) = &obstacle.mesh {
-            let field = format!("obstacle[{index}].mesh.file");
+            let at = scene.field_of_obstacle(index);
+            let field = format!("{at}.mesh.file");
             let choices = Choices {
                 texture_unit: None,
                 merge: mesh.merge.map(|merge| merge / mesh.scale.unwrap_or(1.0)),
@@ -373,8 +374,9 @@ fn obstacles(
                 frames(reader, &mesh.file, &field, choices)?
             } else {
                 let read = reader.bytes(&mesh.file, &field).map_err(|error| {
-                    if is_missing(&error) && contact::digits(&mesh.file).is_some() {
-                        let field = format!("obstacle[{index}].mesh.frame_rate");
+                    let is_tool = index >= scene.given_obstacles().len();
+                    if is_missing(&error) && !is_tool && contact::digits(&mesh.file).is_some() {
+                        let field = format!("{at}.mesh.frame_rate");
                         let allowed = format!(
                             "the rate (Hz) of the frames that {:?} stands for; without a rate, this would be the name of one \
                              file, which does not exist",

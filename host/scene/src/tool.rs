@@ -1,7 +1,8 @@
-//! Checks of tools: whether each has a name and a device of its own.
+//! Checks of tools: whether each has a name and a device of its own, and the sizes of its shape.
 
-use super::consistency::{Check, at_most, device_names, names, require};
-use super::spec::Scene;
+use super::consistency::{Check, at_most, check_rotation, device_names, file_name, names, require};
+use super::contact::check_sizes;
+use super::spec::{Scene, Tool};
 use rt_core::MAX_DEVICES;
 
 /// Checks the tools of a scene; stops at the first conflict.
@@ -47,6 +48,38 @@ pub(super) fn check(scene: &Scene) -> Check {
             found,
             "a device that holds no handle",
         )?;
+        check_shape(&at, tool)?;
     }
     Ok(())
+}
+
+fn check_shape(at: &str, tool: &Tool) -> Check {
+    let mesh = tool.mesh.as_ref().map(|mesh| format!("{:?}", mesh.file));
+    let given = [
+        ("length", tool.length.map(|length| format!("{length:?}"))),
+        ("width", tool.width.map(|width| format!("{width:?}"))),
+        ("size", tool.size.map(|size| format!("{size:?}"))),
+        ("mesh", mesh),
+    ];
+    let has = tool.shape.sizes();
+    check_sizes(at, tool.shape.name(), given.into_iter().zip(has))?;
+    let thickest = tool
+        .sides()
+        .into_iter()
+        .flatten()
+        .fold(f64::INFINITY, f64::min);
+    require(
+        tool.radius <= 0.5 * thickest,
+        &format!("{at}.radius"),
+        format!("{:?}", tool.radius),
+        format!(
+            "half the shortest side of the {} at most",
+            tool.shape.name()
+        ),
+    )?;
+    check_rotation(&format!("{at}.rotation"), tool.rotation)?;
+    match &tool.mesh {
+        Some(mesh) => file_name(&format!("{at}.mesh.file"), &mesh.file),
+        None => Ok(()),
+    }
 }

@@ -20,7 +20,7 @@ const BEYOND: f64 = 1.25;
 pub struct ObstacleInfo {
     /// Name in the scene.
     pub name: String,
-    /// `plane`, `sphere`, `capsule`, `cylinder`, `box` or `mesh`.
+    /// `plane`, `sphere`, `capsule`, `cylinder`, `box`, `hull` or `mesh`.
     pub shape: String,
     /// Positions in the axes of the obstacle (m), three numbers a vertex. Of a plane, a square about the bodies.
     pub positions: Vec<f32>,
@@ -140,47 +140,63 @@ fn rounded(positions: &[Vec3]) -> Vec<f32> {
 fn name(shape: &Shape) -> &'static str {
     match shape {
         Shape::Plane => "plane",
-        Shape::Sphere { .. } => "sphere",
-        Shape::Capsule { .. } => "capsule",
+        Shape::Rounded(rounded) => match rounded.hull().corners().len() {
+            1 => "sphere",
+            2 => "capsule",
+            _ => "hull",
+        },
         Shape::Cylinder { .. } => "cylinder",
         Shape::Box { .. } => "box",
     }
 }
 
+/// The longest side of a triangle of a rounded hull, as a fraction of its size.
+const PART: f64 = 0.3;
+/// The part of a direction by which the two equators of a rounded hull differ: no length is drawn that finely.
+const BESIDE: f64 = 1e-9;
+
 /// Vertices and triangles of a shape, counterclockwise seen from outside. Of a plane, a square of half the side `half` (m).
 fn surface(shape: &Shape, half: f64) -> (Vec<Vec3>, Vec<u32>) {
     // Rings about the z axis, from below: radius and height (m).
-    let arc = |radius: f64, z: f64, from: f64| {
+    let arc = |from: f64| {
         (0..=QUARTER).map(move |k| {
             let angle = from + f64::from(k) / f64::from(QUARTER) * 0.5 * PI;
-            (radius * angle.cos(), z + radius * angle.sin())
+            (angle.cos(), angle.sin())
         })
     };
-    let rings: Vec<(f64, f64)> = match *shape {
+    let rings: Vec<(f64, f64)> = match shape {
         Shape::Plane => {
             let corner = |x: f64, y: f64| Vec3::new(x, y, 0.0) * half;
             let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
             let positions = corners.map(|(x, y)| corner(x, y)).to_vec();
             return (positions, vec![0, 1, 2, 0, 2, 3]);
         }
-        Shape::Box { half } => return cuboid(&half),
-        Shape::Sphere { radius } => arc(radius, 0.0, -0.5 * PI)
-            .chain(arc(radius, 0.0, 0.0).skip(1))
-            .collect(),
-        Shape::Capsule { half, radius } => arc(radius, -half, -0.5 * PI)
-            .chain(arc(radius, half, 0.0))
-            .collect(),
+        Shape::Box { half } => return cuboid(half),
+        // A sphere of directions, in two halves: the equator of each has the corners on its side.
+        Shape::Rounded(_) => arc(-0.5 * PI).chain(arc(0.0)).collect(),
         Shape::Cylinder { half, radius } => {
+            let (half, radius) = (*half, *radius);
             // The edges have vertices of their own, so that the caps are flat.
             let heights = [(0.0, -half), (radius, -half), (radius, half), (0.0, half)];
             heights.to_vec()
         }
     };
     let mut positions = Vec::new();
-    for (radius, z) in &rings {
+    for (number, (radius, z)) in rings.iter().enumerate() {
         for k in 0..AROUND {
             let (sine, cosine) = (TAU * f64::from(k) / f64::from(AROUND)).sin_cos();
-            positions.push(Vec3::new(radius * cosine, radius * sine, *z));
+            let place = Vec3::new(radius * cosine, radius * sine, *z);
+            positions.push(match shape {
+                Shape::Rounded(rounded) => {
+                    let side = if number <= QUARTER as usize {
+                        -BESIDE
+                    } else {
+                        BESIDE
+                    };
+                    rounded.furthest(&(place + Vec3::z() * side))
+                }
+                _ => place,
+            });
         }
     }
     let mut triangles = Vec::new();
@@ -191,7 +207,50 @@ fn surface(shape: &Shape, half: f64) -> (Vec<Vec3>, Vec<u32>) {
             triangles.extend([a, b, d, a, d, c]);
         }
     }
+    if let Shape::Rounded(rounded) = shape {
+        // A flat end of a hull lies within the first ring or the last one.
+        let last = positions.len() as u32 - AROUND;
+        for (ring, is_below) in [(0, true), (last, false)] {
+            let middle = positions.len() as u32;
+            let corners = &positions[ring as usize..(ring + AROUND) as usize];
+            positions.push(corners.iter().sum::<Vec3>() / f64::from(AROUND));
+            for k in 0..AROUND {
+                let (a, b) = (ring + k, ring + (k + 1) % AROUND);
+                triangles.extend(if is_below {
+                    [middle, b, a]
+                } else {
+                    [middle, a, b]
+                });
+            }
+        }
+        let size = rounded.hull().extent() + rounded.radius();
+        triangles = divided(&mut positions, &triangles, PART * size);
+    }
     (positions, triangles)
+}
+
+/// Triangles with no side longer than `most` (m): a picture draws triangle after triangle by their distances, which is right for
+/// small ones.
+fn divided(positions: &mut Vec<Vec3>, triangles: &[u32], most: f64) -> Vec<u32> {
+    let mut small = Vec::new();
+    let mut rest: Vec<[u32; 3]> = triangles.as_chunks().0.to_vec();
+    while let Some([a, b, c]) = rest.pop() {
+        let length = |a: u32, b: u32| (positions[a as usize] - positions[b as usize]).norm();
+        // The longest side comes first.
+        let turned = [[a, b, c], [b, c, a], [c, a, b]];
+        let longest = turned
+            .into_iter()
+            .max_by(|p, q| length(p[0], p[1]).total_cmp(&length(q[0], q[1])));
+        let [a, b, c] = longest.unwrap_or([a, b, c]);
+        if length(a, b) <= most {
+            small.extend([a, b, c]);
+            continue;
+        }
+        let middle = positions.len() as u32;
+        positions.push((positions[a as usize] + positions[b as usize]) / 2.0);
+        rest.extend([[a, middle, c], [middle, b, c]]);
+    }
+    small
 }
 
 /// A box about the origin. Each side has four vertices of its own, so that it is flat.
@@ -216,6 +275,9 @@ fn cuboid(half: &Vec3) -> (Vec<Vec3>, Vec<u32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use physics::contact::rounded::Rounded;
+    use rt_core::hull::Hull;
+    use std::sync::Arc;
 
     /// The volume within triangles whose normals point outwards.
     fn volume((positions, triangles): (Vec<Vec3>, Vec<u32>)) -> f64 {
@@ -231,9 +293,17 @@ mod tests {
         let (half, radius) = (0.4, 0.3);
         let ball = 4.0 / 3.0 * PI * radius * radius * radius;
         let tube = 2.0 * half * PI * radius * radius;
+        let corners = [[0.3, 0.4], [-0.3, 0.4], [-0.3, -0.4], [0.3, -0.4]];
+        let hull = Hull::new(&corners.map(|[x, y]| Vec3::new(x, y, 0.0))).expect("few points");
+        let plate = Shape::Rounded(Arc::new(Rounded::new(&hull, 0.1)));
+        let ball_of_edge = 4.0 / 3.0 * PI * 0.1 * 0.1 * 0.1;
         let cases = [
-            (Shape::Sphere { radius }, ball),
-            (Shape::Capsule { half, radius }, ball + tube),
+            (Shape::sphere(radius), ball),
+            (Shape::capsule(half, radius), ball + tube),
+            (
+                plate,
+                0.6 * 0.8 * 2.0 * 0.1 + PI * 0.1 * 0.1 * 1.4 + ball_of_edge,
+            ),
             (Shape::Cylinder { half, radius }, tube),
             (
                 Shape::Box {

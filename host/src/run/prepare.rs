@@ -263,10 +263,11 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
         let coupling = coupling(scene, period, &passivity, hold_damping);
         let _ = config.bodies.push(coupling);
     }
-    for (tool, device, _) in scene.numbered_tools() {
+    for ((_, device, _), shape) in scene.numbered_tools().zip(world.tool_shapes()) {
         config.tools[device] = Some(ToolCouplingConfig {
             tool: ToolConfig {
-                radius: tool.radius,
+                hull: *shape.hull(),
+                radius: shape.radius(),
                 period,
                 stiffest: stiffest(loaded, device),
                 most_damping: passivity.ports[device].most_damping,

@@ -30,8 +30,9 @@ use crate::scene::plausible::Warning;
 use crate::scene::{LoadedScene, SceneError};
 use mesh::Notched;
 use physics::contact::Obstacle;
+use physics::contact::rounded::Rounded;
 use physics::{Body, CondenseError, Condenser};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 pub use body::{Built, Carrier};
 pub use contact::Contacts;
@@ -48,7 +49,7 @@ pub struct World<'a> {
     pub loaded: &'a LoadedScene,
     /// The bodies, at rest, in the order of the scene.
     pub bodies: Vec<Built>,
-    /// What bodies touch and no body moves, in the order of the scene.
+    /// What bodies touch and no body moves, in the order of the scene: its tools are the last ones.
     pub obstacles: Vec<Obstacle>,
     /// What may touch.
     pub contacts: Contacts,
@@ -87,8 +88,10 @@ impl<'a> World<'a> {
         let bodies = each
             .map(|(index, (notched, held))| body::build(loaded, index, notched, held, &origins))
             .collect::<Result<Vec<Built>, _>>()?;
-        let obstacles = (0..scene.obstacles.len())
+        let tools = (0..scene.tools.len()).map(|index| tool::build(loaded, index));
+        let obstacles = (0..scene.given_obstacles().len())
             .map(|index| obstacle::build(loaded, index))
+            .chain(tools)
             .collect::<Result<Vec<_>, _>>()?;
         let contacts = Contacts::new(scene, &bodies);
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
@@ -103,6 +106,12 @@ impl<'a> World<'a> {
             warnings,
             starts: OnceLock::new(),
         })
+    }
+
+    /// The shape of each tool, in the order of the scene.
+    pub fn tool_shapes(&self) -> impl Iterator<Item = &Arc<Rounded>> {
+        let given = self.loaded.scene.given_obstacles().len();
+        self.obstacles[given..].iter().filter_map(Obstacle::rounded)
     }
 
     /// Brings copies of the bodies to the start of a run, at the first call: to rest under their weight and their loads

@@ -50,9 +50,8 @@ pub(super) fn warnings(
 /// The smallest radius of a round shape (m); `None` for a shape that meets edges.
 fn narrowest(geometry: &Geometry) -> Option<f64> {
     match geometry {
-        Geometry::Shape(Shape::Capsule { radius, .. }) => Some(*radius),
         Geometry::Shape(Shape::Cylinder { radius, half }) => Some(radius.min(*half)),
-        Geometry::Shape(Shape::Plane | Shape::Sphere { .. } | Shape::Box { .. })
+        Geometry::Shape(Shape::Plane | Shape::Rounded(_) | Shape::Box { .. })
         | Geometry::Mesh(_) => None,
     }
 }

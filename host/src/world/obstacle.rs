@@ -11,7 +11,7 @@ use physics::contact::Obstacle;
 use physics::contact::obstacle::{ClosedMesh, Frames, Geometry, Motion, ObstacleError};
 use physics::mesh::{Bounds, Mesh};
 
-/// Builds the obstacle number `index`.
+/// Builds the obstacle number `index` of those that the scene gives.
 ///
 /// # Errors
 /// [`SceneError`] at the field of the mesh: for a mesh that is open or inverted or no surface, and for frames that differ
@@ -110,7 +110,7 @@ fn animated(
 }
 
 /// The vertices (m) and triangles of the surface of a mesh file.
-fn surface(
+pub(super) fn surface(
     loaded: &LoadedScene,
     field: &str,
     file: &MeshFile,

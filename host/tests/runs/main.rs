@@ -36,6 +36,7 @@ mod stiff;
 mod summary;
 mod threads;
 mod tool;
+mod tool_shapes;
 mod torn_changes;
 mod torn_shapes;
 mod touch;

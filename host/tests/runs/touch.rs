@@ -521,3 +521,31 @@ fn a_finger_pushes_a_hanging_cloth_that_hardly_resists() {
         .map(|pair| pair[1].tools[0].sequence - pair[0].tools[0].sequence);
     assert_eq!(numbers.max(), Some(1));
 }
+
+#[test]
+fn a_finger_pushes_a_cloth_until_it_tears() {
+    // The shipped scene with a coarser cloth.
+    let text = scene("pierce.toml").source.text;
+    let text = text.replace("cells = [24, 24]", "cells = [16, 16]");
+    let loaded = Scene::load_texts("pierce.toml", &text, &BTreeMap::new()).unwrap();
+    let world = World::new(&loaded).unwrap();
+    let run = run(&world, &RunOptions::new(Clock::Virtual), &mut |_| {}).unwrap();
+    let (tears, tool) = (&run.tears[0], &run.tools[0]);
+    // The finger breaks through: it reaches its aim 40 mm below the cloth, and comes back.
+    assert!(
+        tears.edges > 5 && tool.peak_force > 2.0,
+        "{tears:?} {tool:?}"
+    );
+    assert!(run.devices[0].reach > 0.038, "{:?}", run.devices[0].reach);
+    assert!(
+        tool.refused_patches == 0 && tool.most_out < 1e-3,
+        "{tool:?}"
+    );
+    // The finger supplies what the torn area takes; motion and damping take the rest, and the cloth stores nothing at the end. The tick
+    // and the host compute the work of the finger for themselves.
+    let taken = tears.energy - tears.pending;
+    assert!(
+        tears.spent > taken && (tears.spent / tool.supplied - 1.0).abs() < 0.1,
+        "{tears:?} {tool:?}"
+    );
+}

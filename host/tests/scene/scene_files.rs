@@ -49,6 +49,8 @@ fn every_shipped_scene_loads() -> Outcome {
             "paddle",
             "pantograph",
             "perforated",
+            "pierce",
+            "plate",
             "press",
             "pressed_blocks",
             "sheet_on_edge",

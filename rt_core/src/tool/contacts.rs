@@ -1,20 +1,22 @@
 //! The contacts of a tool with a patch: where they are, and their forces.
 //!
-//! The sphere touches each triangle at the point that is nearest to its centre. A point on an edge or a corner belongs to several
-//! triangles and counts once. The sphere thus rounds an edge by itself, without shading. A point that presses stays a contact until
-//! its force is zero, also when another point of its triangle is nearer: where a sphere is deep in a soft surface, the nearest
-//! points move as the surface yields to them, and without the former points the iteration would not end.
+//! The tool touches each triangle at the point that is nearest to its hull. A point on an edge or a corner belongs to several
+//! triangles and counts once. A rounded tool thus rounds an edge by itself, without shading. A point that presses stays a contact until
+//! its force is zero, also when another point of its triangle is nearer: where a tool is deep in a soft surface, the nearest
+//! points move as the surface yields to them, and without the former points the iteration would not end. Where the hull itself
+//! has passed a triangle, the contact presses its furthest corner back along the triangle's normal.
 //!
 //! Forces follow from the compliance `G` between the contacts: that of the surface, and that of the device's floor. Normal
 //! forces are exact ([`super::normal`]). Friction is by block Gauss-Seidel sweeps on the disk of Coulomb's law, between two exact
-//! solutions of the normal forces, so that the sphere overlaps nothing whatever the sweeps leave. A contact that sticks keeps its
+//! solutions of the normal forces, so that the tool overlaps nothing whatever the sweeps leave. A contact that sticks keeps its
 //! place on the material; what the sweeps leave of its way is carried to the next tick, so that nothing creeps.
 
-use super::nearest::weights;
 use super::normal::Normals;
 use super::patch::{Compliance, Triangle};
 use super::{MAX_CONTACTS, MAX_SITES};
 use crate::geometry::{Mat3, Vec3};
+use crate::hull::Hull;
+use crate::nearest::weights;
 
 /// Rounds of sweeps and normal forces.
 const ROUNDS: usize = 2;
@@ -30,19 +32,19 @@ const ONE: f64 = 3e-3;
 const CLEAR: f64 = 1e-7;
 /// Largest number of contacts that have not pressed yet: the nearest ones.
 const MOST_IDLE: usize = MAX_CONTACTS / 2;
-/// A weight below this is that of a corner on which the foot does not lie.
-const BORDER: f64 = 1e-9;
+/// The sine of the angle to the normal of a triangle up to which the hull lies over the triangle or under it, not beside it.
+const BORDER: f64 = 1e-6;
 /// The fraction of the largest friction above which a contact slides: below it, sweeps that have not ended look the same.
 const SLIDES: f64 = 1.0 - 1e-6;
 
-/// A contact of the sphere with a triangle.
+/// A contact of the tool with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     /// The triangle: its corners, as places in the list of sites.
     pub corners: [u8; 3],
     /// The weights of the corners at the foot.
     pub weights: [f64; 3],
-    /// From the surface to the centre of the sphere.
+    /// From the surface to the tool.
     pub normal: Vec3,
     /// The normal force (N).
     pub normal_force: f64,
@@ -58,7 +60,12 @@ pub struct Contact {
     allowed: f64,
     /// The foot, at the places that were looked at last (m).
     foot: Vec3,
+    /// The point of the hull that is nearest to the foot, seen from the centre (m).
+    tip: Vec3,
+    /// The distance of the hull from the foot (m), negative if the hull has passed the triangle.
     distance: f64,
+    /// Whether the hull has passed the triangle at the foot.
+    has_passed: bool,
 }
 
 impl Contact {
@@ -75,16 +82,29 @@ impl Contact {
         };
         let outward = (b - a).cross(&(c - a));
         self.foot = self.at(now.sites);
-        let apart = now.centre - self.foot;
-        let length = apart.norm();
-        let is_below = apart.dot(&outward) <= 0.0;
-        self.distance = if is_below { -length } else { length };
-        self.normal = if is_below {
-            outward / outward.norm()
+        let near = now.hull.nearest_to(&(self.foot - now.centre));
+        let apart = now.centre + near.point - self.foot;
+        self.has_passed = !near.are_apart || apart.dot(&outward) <= 0.0;
+        self.normal = if self.has_passed { outward } else { apart }.normalize();
+        self.tip = if self.has_passed {
+            now.hull.lowest(&self.normal)
         } else {
-            apart / length
+            near.point
         };
+        self.distance = self.normal.dot(&(now.centre + self.tip - self.foot));
         self.normal.iter().all(|x| x.is_finite())
+    }
+
+    /// The distance between hull and foot at these places (m), negative on the other side of the surface. A hull that has passed the
+    /// triangle parts along the normal, so its distance is along it.
+    fn distance_at(&self, places: &Places<'_>) -> f64 {
+        let foot = self.at(places.sites) - places.centre;
+        let near = places.hull.nearest_to(&foot);
+        if self.has_passed || !near.are_apart {
+            return self.normal.dot(&(places.hull.lowest(&self.normal) - foot));
+        }
+        let apart = near.point - foot;
+        apart.norm().copysign(apart.dot(&self.normal))
     }
 
     fn across(&self, v: &Vec3) -> Vec3 {
@@ -123,9 +143,10 @@ pub(super) fn loads(contacts: &[Contact]) -> [Vec3; MAX_SITES] {
     forces
 }
 
-/// A sphere and the sites, at one time.
+/// A tool and the sites, at one time.
 #[derive(Clone, Copy)]
 pub(super) struct Places<'a> {
+    pub hull: &'a Hull,
     pub centre: &'a Vec3,
     pub sites: &'a [Vec3; MAX_SITES],
 }
@@ -133,15 +154,17 @@ pub(super) struct Places<'a> {
 /// The lengths by which contacts are found (m).
 #[derive(Clone, Copy)]
 pub(super) struct Lengths {
-    /// Radius of the sphere.
+    /// Radius of the tool.
     pub radius: f64,
     /// The distance beyond the radius within which contacts are found.
     pub reach: f64,
+    /// The largest distance of a corner of the hull from the centre.
+    pub extent: f64,
     /// The way by which an overlap parts in a tick.
     pub parting: f64,
 }
 
-/// Finds the contacts of a sphere with the triangles at the places `now`, in a tick that began at the places `before`: the points
+/// Finds the contacts of a tool with the triangles at the places `now`, in a tick that began at the places `before`: the points
 /// of `kept` that press, and the nearest points of triangles.
 pub(super) fn find<'a>(
     triangles: impl Iterator<Item = &'a Triangle>,
@@ -160,7 +183,7 @@ pub(super) fn find<'a>(
     }
     hand_on(&mut found, kept);
     for triangle in triangles {
-        if let Some(contact) = touch(triangle, &now)
+        if let Some(contact) = touch(triangle, &now, lengths)
             && contact.distance.abs() <= lengths.radius + lengths.reach
         {
             insert(&mut found, contact, lengths.radius);
@@ -168,9 +191,7 @@ pub(super) fn find<'a>(
     }
     for contact in &mut found {
         contact.before = before.centre - contact.at(before.sites);
-        let length = contact.before.norm();
-        let is_behind = contact.before.dot(&contact.normal) < 0.0;
-        let overlap = lengths.radius - if is_behind { -length } else { length };
+        let overlap = lengths.radius - contact.distance_at(&before);
         contact.allowed = (overlap - lengths.parting).max(0.0);
     }
     found
@@ -224,13 +245,28 @@ pub(super) fn carry<'a>(
     }
 }
 
-/// The contact at the nearest point of a triangle; `None` where another triangle at the same edge is nearer.
-fn touch(triangle: &Triangle, now: &Places<'_>) -> Option<Contact> {
+/// The contact at the nearest point of a triangle; `None` where the triangle is out of reach, or where another one at the same edge
+/// is nearer.
+fn touch(triangle: &Triangle, now: &Places<'_>, lengths: &Lengths) -> Option<Contact> {
     let corners = place(triangle.corners, now.sites)?;
-    let [a, b, c] = corners;
+    let [a, b, c] = corners.map(|corner| corner - now.centre);
+    let corners = [&a, &b, &c];
+    let centre = Hull::POINT.nearest(corners);
+    let mut near = centre;
+    if lengths.extent > 0.0 {
+        let most = lengths.radius + lengths.reach + lengths.extent;
+        if combined([a, b, c], &centre.weights).norm() > most {
+            return None;
+        }
+        near = now.hull.nearest(corners);
+    }
+    let apart = near.point - combined([a, b, c], &near.weights);
+    let outward = (b - a).cross(&(c - a));
+    let beside = apart.cross(&outward).norm();
+    let is_over = !near.are_apart || beside <= BORDER * apart.norm() * outward.norm();
     let mut contact = Contact {
         corners: triangle.corners,
-        weights: weights(now.centre, [&a, &b, &c]),
+        weights: near.weights,
         normal: Vec3::zeros(),
         normal_force: 0.0,
         friction: Vec3::zeros(),
@@ -239,11 +275,17 @@ fn touch(triangle: &Triangle, now: &Places<'_>) -> Option<Contact> {
         before: Vec3::zeros(),
         allowed: 0.0,
         foot: Vec3::zeros(),
+        tip: Vec3::zeros(),
         distance: 0.0,
+        has_passed: false,
     };
-    let is_inside = contact.weights.iter().all(|weight| *weight > BORDER);
     let is_found = contact.look(now);
-    (is_found && (is_inside || contact.distance > 0.0)).then_some(contact)
+    (is_found && (is_over || contact.distance > 0.0)).then_some(contact)
+}
+
+/// The point of a triangle of these weights.
+fn combined([a, b, c]: [Vec3; 3], [x, y, z]: &[f64; 3]) -> Vec3 {
+    a * *x + b * *y + c * *z
 }
 
 /// The corners of a triangle.
@@ -271,7 +313,7 @@ fn insert(found: &mut Contacts, contact: Contact, radius: f64) {
 
 /// The tool and the surface without contact forces, and how they yield to them.
 pub(super) struct Yielding<'a> {
-    /// The centre of the sphere (m).
+    /// The centre of the tool (m).
     pub centre: Vec3,
     /// The sites (m).
     pub sites: &'a [Vec3; MAX_SITES],
@@ -351,7 +393,7 @@ struct Pressing {
     /// The gaps without contact forces (m).
     gaps: [f64; MAX_CONTACTS],
     normals: Normals,
-    /// Whether there is room for the sphere.
+    /// Whether there is room for the tool.
     has_room: bool,
 }
 
@@ -367,7 +409,7 @@ impl Pressing {
             for ((entry, column), _) in along.iter_mut().zip(columns).zip(contacts) {
                 *entry = one.normal.dot(column);
             }
-            *gap = one.normal.dot(&yielding.apart(one)) - radius + one.allowed;
+            *gap = one.normal.dot(&(yielding.apart(one) + one.tip)) - radius + one.allowed;
             *pressed = one.normal_force > 0.0;
         }
         Self {
@@ -399,7 +441,7 @@ impl Pressing {
     }
 }
 
-/// Finds the forces of the contacts with a sphere of a radius (m). Returns whether there is room for the sphere.
+/// Finds the forces of the contacts with a tool of a radius (m). Returns whether there is room for the tool.
 pub(super) fn solve(contacts: &mut Contacts, yielding: &Yielding<'_>, radius: f64) -> bool {
     let mut pressing = Pressing::new(contacts, yielding, radius);
     pressing.press(contacts);

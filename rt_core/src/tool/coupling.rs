@@ -54,12 +54,14 @@ pub struct ToolCounters {
 ///
 /// ```
 /// use rt_core::geometry::Twist;
+/// use rt_core::hull::Hull;
 /// use rt_core::tool::{Patch, ToolConfig, ToolCoupling, ToolCouplingConfig, Triangle};
 /// use rt_core::{PassivityConfig, Pose, Vec3};
 ///
 /// let period = 1e-3;
 /// let config = ToolCouplingConfig {
 ///     tool: ToolConfig {
+///         hull: Hull::POINT,
 ///         radius: 5e-3,
 ///         period,
 ///         stiffest: 1e3,

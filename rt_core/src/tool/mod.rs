@@ -19,7 +19,6 @@
 
 mod contacts;
 mod coupling;
-mod nearest;
 mod normal;
 mod patch;
 #[cfg(test)]
@@ -27,6 +26,7 @@ mod tests;
 
 use crate::count_one;
 use crate::geometry::Vec3;
+use crate::hull::Hull;
 use crate::publication::Publication;
 use contacts::{Contacts, Lengths, Places, Yielding, are_clear, find, loads, settle, solve};
 
@@ -52,9 +52,11 @@ const REACH: f64 = 2.0;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
 
-/// A tool: a sphere.
+/// A tool: all points within a radius of a hull. The tool keeps its attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolConfig {
+    /// The hull about the centre of the tool, in world axes; of a sphere, [`Hull::POINT`].
+    pub hull: Hull,
     /// Radius (m).
     pub radius: f64,
     /// The tick's period (s).
@@ -128,6 +130,7 @@ struct Relaxation {
 ///
 /// ```
 /// use rt_core::Vec3;
+/// use rt_core::hull::Hull;
 /// use rt_core::tool::{Patch, Site, Tool, ToolConfig, Triangle};
 ///
 /// // A floor that nothing moves, and a device that renders at most 1 kN/m.
@@ -140,6 +143,7 @@ struct Relaxation {
 ///     site.place = Vec3::new(place[0], place[1], 0.0);
 /// }
 /// let mut ball = Tool::new(ToolConfig {
+///     hull: Hull::POINT,
 ///     radius: 5e-3,
 ///     period: 1e-3,
 ///     stiffest: 1e3,
@@ -158,6 +162,8 @@ struct Relaxation {
 #[derive(Clone, Debug)]
 pub struct Tool {
     config: ToolConfig,
+    /// The largest distance of a corner of the hull from the centre (m).
+    extent: f64,
     patch: Patch,
     pending: Patch,
     is_pending: bool,
@@ -189,6 +195,7 @@ impl Tool {
     /// A tool before its first patch.
     pub fn new(config: ToolConfig) -> Self {
         Self {
+            extent: config.hull.extent(),
             config,
             patch: Patch::empty(),
             pending: Patch::empty(),
@@ -267,14 +274,18 @@ impl Tool {
         let lengths = Lengths {
             radius: self.config.radius,
             reach: REACH * ((held - before).norm() + self.most_motion(&free)),
+            extent: self.extent,
             parting: self.config.parting * self.config.period,
         };
+        let hull = &self.config.hull;
         for pass in 0..LINEARIZED {
             let was = Places {
+                hull,
                 centre: &before,
                 sites: &self.places,
             };
             let now = Places {
+                hull,
                 centre: &proxy,
                 sites: &places,
             };
@@ -301,6 +312,7 @@ impl Tool {
             places = self.loaded(&free, &loads(&self.contacts), fraction);
         }
         let now = Places {
+            hull: &self.config.hull,
             centre: &proxy,
             sites: &places,
         };
@@ -389,7 +401,8 @@ impl Tool {
     /// contact. Nothing then is computed but the place of the tool.
     fn is_away_from(&self, centre: &Vec3, before: &Vec3) -> bool {
         let moved = (centre - before).norm() + self.most_offset * self.fade_step;
-        let near = self.config.radius + self.most_offset * self.fade + REACH * moved;
+        let around = self.config.radius + self.extent;
+        let near = around + self.most_offset * self.fade + REACH * moved;
         self.is_at_rest && self.bounds.distance(centre) > near
     }
 

@@ -1,16 +1,13 @@
-//! Points of a surface between its vertices, where a sphere meets a surface that is coarse beside its radius.
+//! Points of a surface between its vertices, where a rounded hull meets a surface that is coarse beside its radius.
 //!
 //! A sphere that is pressed on a coarse surface lies in a facet, between the vertices: contacts of vertices alone let it sink
-//! into the facet, and its force jumps from vertex to vertex as it slides. So a sphere also has contacts at the nearest points
+//! into the facet, and its force jumps from vertex to vertex as it slides. So a rounded hull also has contacts at the nearest points
 //! of long edges and of their triangles. Each is a **material point**, known by its place on a fine lattice, with a contact of
-//! its own: the force keeps its place in the surface, and its direction is that of the sphere, which changes
+//! its own: the force keeps its place in the surface, and its direction is that of the hull, which changes
 //! continuously. A point that presses stays a contact until its force is zero, also when another point of its triangle is nearer.
 //! That is the law of the contacts of a tool in the tick (`rt_core::tool`).
 
-use super::distance::point_triangle;
-use crate::Vec3;
-
-/// The length of the longest edge, as a fraction of the radius, up to which a triangle meets a sphere at its vertices alone. A
+/// The length of the longest edge, as a fraction of the radius, up to which a triangle meets a rounded hull at its vertices alone. A
 /// facet sinks by a hundredth of the radius between vertices at this distance.
 pub(crate) const SHORT: f64 = 0.25;
 /// Parts of an edge in the lattice. A plane facet sinks into a sphere of half the length of its edges by a millionth of them
@@ -27,11 +24,10 @@ pub struct Between {
 }
 
 impl Between {
-    /// The point of a triangle, or of an edge with one end twice, that is nearest to `p` (m); `None` at a vertex. `corners` are the
-    /// places of the vertices (m).
-    pub(crate) fn nearest(vertices: [u32; 3], corners: [&Vec3; 3], p: &Vec3) -> Option<Self> {
+    /// The point of a triangle, or of an edge with one end twice, at these weights of the vertices; `None` at a vertex.
+    pub(crate) fn at(vertices: [u32; 3], weights: [f64; 3]) -> Option<Self> {
         let parts = f64::from(PARTS);
-        let [_, b, c] = point_triangle(p, corners).weights;
+        let [_, b, c] = weights;
         let [b, c] = [b, c].map(|weight| (weight * parts).round() as u32);
         let a = PARTS.saturating_sub(b + c);
         let parts = [a, b, c];
@@ -78,6 +74,8 @@ impl Between {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vec3;
+    use crate::contact::distance::point_triangle;
 
     fn point(vertices: [u32; 3], p: [f64; 3]) -> Option<Between> {
         let at = [
@@ -87,7 +85,7 @@ mod tests {
             Vec3::new(1.0, 1.0, 0.0),
         ];
         let corners = vertices.map(|vertex| &at[vertex as usize]);
-        Between::nearest(vertices, corners, &Vec3::from(p))
+        Between::at(vertices, point_triangle(&Vec3::from(p), corners).weights)
     }
 
     #[test]

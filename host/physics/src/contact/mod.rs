@@ -37,6 +37,7 @@ pub mod obstacle;
 pub mod pair;
 pub mod placed;
 pub mod rigid;
+pub mod rounded;
 pub mod row;
 pub mod rows;
 mod search;

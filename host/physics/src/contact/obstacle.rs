@@ -5,11 +5,13 @@
 //! constant rate (slerp: Shoemake, "Animating rotation with quaternion curves", 1985). Vertices are linear between two
 //! frames. Before the first row an obstacle stands at the first row, after the last row at the last one.
 
+use super::rounded::Rounded;
 use super::shape::{Nearest, Shape, box_of};
 use crate::Vec3;
 use crate::mesh::{Adjacency, MeshError};
 use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// An obstacle.
 #[derive(Clone, Debug)]
@@ -244,6 +246,14 @@ impl Obstacle {
         }
     }
 
+    /// The rounded hull that the obstacle is; `None` for another shape and for a mesh.
+    pub fn rounded(&self) -> Option<&Arc<Rounded>> {
+        match &self.geometry {
+            Geometry::Shape(Shape::Rounded(rounded)) => Some(rounded),
+            Geometry::Shape(_) | Geometry::Mesh(_) => None,
+        }
+    }
+
     /// What the obstacle consists of.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
@@ -459,7 +469,7 @@ mod tests {
 
     #[test]
     fn a_table_of_poses_is_followed_at_a_constant_rate() {
-        let wheel = turning(Geometry::Shape(Shape::Sphere { radius: 0.1 }));
+        let wheel = turning(Geometry::Shape(Shape::sphere(0.1)));
         // A point at (0, 2, 0) of the axes: x = 3 s - 2 sin 2s, y = 2 cos 2s.
         let point = Point::Fixed(Vec3::y() * 2.0);
         let exact = |t: f64| {

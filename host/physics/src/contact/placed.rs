@@ -1,12 +1,13 @@
 //! An obstacle of a step: a shape that moves rigidly from the start of the step to its end.
 
 use super::obstacle::most_motion;
+use super::rounded::Rounded;
 use super::shape::{Nearest, Shape};
 use crate::Vec3;
 use nalgebra::{Isometry3, Point3};
 
 /// A shape with its poses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     /// The shape, in axes of its own.
     pub shape: Shape,
@@ -24,6 +25,14 @@ impl Placed {
         Nearest {
             distance: found.distance,
             normal: pose.rotation * found.normal,
+        }
+    }
+
+    /// The hull of a rounded shape with its radius; `None` for the other shapes.
+    pub fn rounded(&self) -> Option<&Rounded> {
+        match &self.shape {
+            Shape::Rounded(rounded) => Some(rounded),
+            Shape::Plane | Shape::Cylinder { .. } | Shape::Box { .. } => None,
         }
     }
 

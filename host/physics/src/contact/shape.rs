@@ -1,27 +1,19 @@
-//! Shapes of obstacles with an exact distance: plane, sphere, capsule, cylinder, box.
+//! Shapes of obstacles with an exact distance: plane, cylinder, box, and rounded hulls, among them spheres and capsules.
 //!
 //! Distances are signed: negative inside. They are those of Quilez, "Distance functions" (2008), with the direction in
 //! which they grow. Inside an edge or a corner the direction is that of the nearest face.
 
+use super::rounded::Rounded;
 use crate::Vec3;
+use std::sync::Arc;
 
 /// A shape, in axes of its own.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// The half space below `z = 0`.
     Plane,
-    /// A sphere about the origin.
-    Sphere {
-        /// Radius (m).
-        radius: f64,
-    },
-    /// All points near a segment of the z axis about the origin.
-    Capsule {
-        /// Half the length of the segment (m).
-        half: f64,
-        /// Radius (m).
-        radius: f64,
-    },
+    /// All points within a radius of a hull.
+    Rounded(Arc<Rounded>),
     /// A cylinder about the z axis, with flat ends.
     Cylinder {
         /// Half the length (m).
@@ -46,17 +38,24 @@ pub struct Nearest {
 }
 
 impl Shape {
+    /// A sphere about the origin, by its radius (m).
+    pub fn sphere(radius: f64) -> Self {
+        Self::Rounded(Arc::new(Rounded::sphere(radius)))
+    }
+
+    /// All points within a radius (m) of a segment of the z axis about the origin, by half its length (m).
+    pub fn capsule(half: f64, radius: f64) -> Self {
+        Self::Rounded(Arc::new(Rounded::capsule(half, radius)))
+    }
+
     /// The nearest point of the surface to `p` (m): `p - normal * distance`.
     pub fn nearest(&self, p: &Vec3) -> Nearest {
-        match *self {
+        match self {
             Self::Plane => Nearest {
                 distance: p.z,
                 normal: Vec3::z(),
             },
-            Self::Sphere { radius } => round(*p, radius),
-            Self::Capsule { half, radius } => {
-                round(Vec3::new(p.x, p.y, p.z - p.z.clamp(-half, half)), radius)
-            }
+            Self::Rounded(rounded) => rounded.nearest(p),
             Self::Cylinder { half, radius } => {
                 let out = p.x.hypot(p.y);
                 let side = if out > 0.0 {
@@ -81,16 +80,6 @@ impl Shape {
                 }
             }
         }
-    }
-}
-
-/// The distance to a sphere about the origin.
-fn round(p: Vec3, radius: f64) -> Nearest {
-    let from = p.norm();
-    let normal = if from > 0.0 { p / from } else { Vec3::z() };
-    Nearest {
-        distance: from - radius,
-        normal,
     }
 }
 
@@ -158,11 +147,8 @@ mod tests {
     fn shapes() -> [Shape; 5] {
         [
             Shape::Plane,
-            Shape::Sphere { radius: 0.7 },
-            Shape::Capsule {
-                half: 0.4,
-                radius: 0.3,
-            },
+            Shape::sphere(0.7),
+            Shape::capsule(0.4, 0.3),
             Shape::Cylinder {
                 half: 0.5,
                 radius: 0.4,
@@ -179,14 +165,14 @@ mod tests {
         let [plane, sphere, capsule, cylinder, cube] = shapes();
         let cases = [
             (plane, at(1.0, 2.0, -0.5), -0.5),
-            (sphere, at(0.0, 1.0, 0.0), 0.3),
+            (sphere.clone(), at(0.0, 1.0, 0.0), 0.3),
             (sphere, at(0.0, 0.0, 0.0), -0.7),
-            (capsule, at(0.0, 0.0, 1.0), 0.3),
+            (capsule.clone(), at(0.0, 0.0, 1.0), 0.3),
             (capsule, at(0.5, 0.0, 0.2), 0.2),
-            (cylinder, at(0.0, 0.0, 0.6), 0.1),
-            (cylinder, at(0.7, 0.0, 0.9), 0.5),
+            (cylinder.clone(), at(0.0, 0.0, 0.6), 0.1),
+            (cylinder.clone(), at(0.7, 0.0, 0.9), 0.5),
             (cylinder, at(0.3, 0.0, 0.0), -0.1),
-            (cube, at(0.6, 0.9, 0.0), 0.5),
+            (cube.clone(), at(0.6, 0.9, 0.0), 0.5),
             (cube, at(0.25, 0.0, 0.0), -0.05),
         ];
         for (shape, point, expected) in cases {

@@ -482,7 +482,7 @@ mod tests {
             let motion = Motion::Still(nalgebra::Translation3::from(at).into());
             Obstacle::new(Geometry::Shape(shape), motion).expect("a shape")
         };
-        let ball = shape(Shape::Sphere { radius: 0.1 }, Vec3::new(0.3, 0.3, 0.08));
+        let ball = shape(Shape::sphere(0.1), Vec3::new(0.3, 0.3, 0.08));
         let corners = [Vec3::zeros(), Vec3::x(), Vec3::y()];
         let [a, b, c] = &corners;
         let (distance, at) = deepest(&ball, [a, b, c], 0.0, 0.0).expect("near");
@@ -491,7 +491,7 @@ mod tests {
         let floor = shape(Shape::Plane, Vec3::z() * 0.25);
         let (distance, _) = deepest(&floor, [a, b, c], 0.0, 0.0).expect("near");
         assert_eq!(distance, -0.25);
-        let far = shape(Shape::Sphere { radius: 0.1 }, Vec3::z() * 9.0);
+        let far = shape(Shape::sphere(0.1), Vec3::z() * 9.0);
         assert_eq!(deepest(&far, [a, b, c], 0.0, 0.0), None);
         // An edge, with one end twice.
         let (distance, _) = deepest(&ball, [a, b, b], 0.0, 1.0).expect("near");

@@ -1,14 +1,14 @@
-//! The surface of an obstacle near a point, as triangles: what a tool of the tick can touch.
+//! The surface of an obstacle near a tool, as triangles: what the tool can touch in the tick.
 //!
-//! A mesh and a box have triangles of their own. The other shapes get triangles around their nearest point, with corners that
+//! A mesh and a box have triangles of their own. The other shapes get triangles around their nearest point to the tool, with corners that
 //! lie on the shape. Those of a plane and of the flat ends of a cylinder are exact. A triangle with sides of length `l` lies by
 //! up to `l^2 / (6 R)` below a surface of radius `R`; the nearest point itself is a corner.
 
-use super::distance::point_triangle;
 use super::obstacle::{Geometry, Obstacle};
 use super::shape::Shape;
 use crate::Vec3;
 use nalgebra::{Isometry3, Point3};
+use rt_core::hull::Hull;
 
 /// Corners in a ring around the nearest point of a curved surface.
 const RING: usize = 6;
@@ -16,8 +16,11 @@ const RING: usize = 6;
 const COLUMNS: usize = 5;
 /// Columns of a cylinder whose axis is as near as its rim.
 const AROUND: usize = 7;
+/// Largest number of projections to find the nearest point of a hull, and the way (m) of a projection that ends them.
+const PROJECTIONS: usize = 100;
+const FOUND: f64 = 1e-9;
 
-/// The surface of an obstacle near a point.
+/// The surface of an obstacle near a tool.
 #[derive(Clone, Debug, Default)]
 pub struct Vicinity {
     corners: Vec<Vec3>,
@@ -45,14 +48,20 @@ impl Vicinity {
         self.are_kept
     }
 
-    /// Finds the triangles of an obstacle at `time` (s) within `reach` (m) of the point `p` (m). The surface of a shape is
-    /// followed for `extent` (m) around its nearest point.
-    pub fn find(&mut self, obstacle: &Obstacle, time: f64, p: &Vec3, reach: f64, extent: f64) {
+    /// Finds the triangles of an obstacle at `time` (s) within `reach` (m) of a hull that is moved by `centre` (m). The surface of a
+    /// shape is followed for `extent` (m) around its nearest point.
+    pub fn find(
+        &mut self,
+        obstacle: &Obstacle,
+        time: f64,
+        hull: &Hull,
+        centre: &Vec3,
+        [reach, extent]: [f64; 2],
+    ) {
         self.corners.clear();
         self.triangles.clear();
         self.near.clear();
         let pose = obstacle.pose(time);
-        let own = pose.inverse_transform_point(&Point3::from(*p)).coords;
         self.are_kept = true;
         match obstacle.geometry() {
             Geometry::Mesh(_) | Geometry::Shape(Shape::Box { .. }) => {
@@ -64,10 +73,17 @@ impl Vicinity {
             }
             Geometry::Shape(shape) => {
                 self.are_kept = false;
+                let p = nearest_point(shape, &pose, hull, centre);
+                let own = pose.inverse_transform_point(&Point3::from(p)).coords;
+                // A plane is followed under the whole hull at no cost.
+                let extent = match shape {
+                    Shape::Plane => extent + 2.0 * hull.extent(),
+                    _ => extent,
+                };
                 if shape.nearest(&own).distance <= reach {
-                    match *shape {
+                    match shape {
                         Shape::Cylinder { half, radius } => {
-                            self.cylinder([half, radius], &own, extent);
+                            self.cylinder([*half, *radius], &own, extent);
                         }
                         _ => self.fan(shape, &own, extent),
                     }
@@ -78,8 +94,9 @@ impl Vicinity {
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(|corner| self.corners[corner as usize]);
             let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)];
-            if (low - p).sup(&(p - high)).max() <= reach {
-                let distance = point_triangle(p, [&a, &b, &c]).apart.norm();
+            if (low - centre).sup(&(centre - high)).max() <= reach + hull.extent() {
+                let own = [a, b, c].map(|corner| corner - centre);
+                let distance = hull.distance(own.each_ref());
                 if distance <= reach {
                     self.near.push((distance, *triangle));
                 }
@@ -174,6 +191,22 @@ impl Vicinity {
     }
 }
 
+/// The point of a hull, moved by `centre` (m), that is nearest to a shape at a pose: by projections onto the one and onto the other.
+pub fn nearest_point(shape: &Shape, pose: &Isometry3<f64>, hull: &Hull, centre: &Vec3) -> Vec3 {
+    let onto_hull = |p: Vec3| centre + hull.nearest_to(&(p - centre)).point;
+    let mut p = onto_hull(*centre);
+    for _ in 0..PROJECTIONS {
+        let own = pose.inverse_transform_point(&Point3::from(p)).coords;
+        let nearest = shape.nearest(&own);
+        let before = p;
+        p = onto_hull(p - pose.rotation * nearest.normal * nearest.distance);
+        if nearest.distance <= 0.0 || (p - before).norm() < FOUND {
+            break;
+        }
+    }
+    p
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -185,11 +218,8 @@ mod tests {
     fn shapes() -> impl Strategy<Value = Shape> {
         prop_oneof![
             Just(Shape::Plane),
-            Just(Shape::Sphere { radius: RADIUS }),
-            Just(Shape::Capsule {
-                half: 0.04,
-                radius: RADIUS
-            }),
+            Just(Shape::sphere(RADIUS)),
+            Just(Shape::capsule(0.04, RADIUS)),
             Just(Shape::Cylinder {
                 half: 0.04,
                 radius: RADIUS
@@ -211,9 +241,9 @@ mod tests {
             let pose = Isometry3::new(Vec3::new(0.1, -0.2, 0.3), turn.into());
             let own = Vec3::from(p);
             let world = (pose * Point3::from(own)).coords;
-            let obstacle = Obstacle::new(Geometry::Shape(shape), Motion::Still(pose)).unwrap();
+            let obstacle = Obstacle::new(Geometry::Shape(shape.clone()), Motion::Still(pose)).unwrap();
             let mut vicinity = Vicinity::default();
-            vicinity.find(&obstacle, 0.0, &world, reach, extent);
+            vicinity.find(&obstacle, 0.0, &Hull::POINT, &world, [reach, extent]);
             let nearest = shape.nearest(&own);
             prop_assume!(nearest.distance > 1e-3);
             prop_assert_eq!(nearest.distance > reach, vicinity.triangles().is_empty());

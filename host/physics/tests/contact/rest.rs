@@ -103,10 +103,7 @@ const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
 #[test]
 fn a_sheet_rests_on_each_shape() {
-    let capsule = Shape::Capsule {
-        half: 0.1,
-        radius: 0.3,
-    };
+    let capsule = Shape::capsule(0.1, 0.3);
     let cylinder = Shape::Cylinder {
         half: 0.1,
         radius: 0.1,
@@ -116,7 +113,7 @@ fn a_sheet_rests_on_each_shape() {
     };
     let shapes = [
         (Shape::Plane, 0.0),
-        (Shape::Sphere { radius: 0.5 }, 0.5),
+        (Shape::sphere(0.5), 0.5),
         (capsule, 0.4),
         (cylinder, 0.1),
         (cube, 0.1),
@@ -125,7 +122,7 @@ fn a_sheet_rests_on_each_shape() {
         let start = Vec3::z() * (0.5 * THICKNESS + 0.5e-3);
         let body = sheet(flat([6, 4], 0.3, start), GRAVITY);
         let mut world = World::new(vec![body], vec![], false);
-        world.obstacles = vec![still(shape, Vec3::z() * -top)];
+        world.obstacles = vec![still(shape.clone(), Vec3::z() * -top)];
         world.friction = 0.5;
         let iterations = run(&mut world, 150, 0.25);
         check_rest(&world, 1e-6, 1e-6);
@@ -142,7 +139,7 @@ fn a_sheet_rests_on_each_shape() {
 #[test]
 fn a_coarse_sheet_rests_on_small_balls() {
     let radius = 1e-3;
-    let shape = Shape::Sphere { radius };
+    let shape = Shape::sphere(radius);
     let start = Vec3::z() * (0.5 * THICKNESS + 0.2e-3);
     let mesh = flat([2, 1], 0.0, start);
     let middles = mesh.triangles.iter().map(|corners| {
@@ -153,7 +150,7 @@ fn a_coarse_sheet_rests_on_small_balls() {
     // One lies below an edge.
     at.push(Vec3::new(0.0, 0.0, -radius));
     let mut world = World::new(vec![sheet(mesh, GRAVITY)], vec![], false);
-    world.obstacles = at.iter().map(|at| still(shape, *at)).collect();
+    world.obstacles = at.iter().map(|at| still(shape.clone(), *at)).collect();
     world.friction = 0.5;
     run(&mut world, 200, 0.25);
     // It still rocks a little.

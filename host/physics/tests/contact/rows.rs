@@ -394,7 +394,7 @@ fn a_step_allocates_nothing() {
     let lists = Lists::new(&first.surfaces, &first.x);
     let masses = vec![1e-4; first.x.len()];
     let obstacles = [Placed {
-        shape: Shape::Sphere { radius: 0.05 },
+        shape: Shape::sphere(0.05),
         start: Isometry3::identity(),
         end: Isometry3::identity(),
     }];

@@ -113,8 +113,8 @@ impl Obstacle {
         );
         Some(match self.shape? {
             ShapeName::Plane => Shape::Plane,
-            ShapeName::Sphere => Shape::Sphere { radius },
-            ShapeName::Capsule => Shape::Capsule { half, radius },
+            ShapeName::Sphere => Shape::sphere(radius),
+            ShapeName::Capsule => Shape::capsule(half, radius),
             ShapeName::Cylinder => Shape::Cylinder { half, radius },
             ShapeName::Box => Shape::Box {
                 half: Vec3::from(self.size.unwrap_or_default()) / 2.0,

@@ -22,10 +22,12 @@ use crate::world::World;
 use nalgebra::Isometry3;
 use near::{Around, Near, Surface, Vertex, Wall};
 use physics::contact::obstacle::TimedPose;
+use physics::contact::rounded::Rounded;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
 use physics::{Beside, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
 use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
 use rt_core::{Pose, TickRecord};
+use std::sync::Arc;
 
 /// The ways of the tool until the next patch, by which the surface is published beyond its radius.
 pub(super) const REACH: f64 = 2.0;
@@ -49,14 +51,14 @@ const TOLERANCE: f64 = 1e-3;
 const RENEWED: usize = 4;
 
 /// A tool as the scene has it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ToolSpec {
     /// The device that moves it.
     pub device: usize,
     /// Its number among the obstacles.
     pub obstacle: usize,
-    /// Radius (m).
-    pub radius: f64,
+    /// Its shape about its centre.
+    pub shape: Arc<Rounded>,
     /// Where its centre is at rest (m).
     pub start: Vec3,
     /// The stiffest spring that the device can render (N/m).
@@ -112,11 +114,12 @@ fn walls(scene: &Scene, tool: &Tool) -> Vec<Wall> {
 /// The tools of a world.
 pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
     let scene = &world.loaded.scene;
-    let tools = scene.numbered_tools().map(|(tool, device, obstacle)| {
+    let each = scene.numbered_tools().zip(world.tool_shapes());
+    let tools = each.map(|((tool, device, obstacle), shape)| {
         let spec = ToolSpec {
             device,
             obstacle,
-            radius: tool.radius,
+            shape: Arc::clone(shape),
             start: tool.position.into(),
             stiffest: stiffest(world.loaded, device),
             cutoff: scene.host.smoothing,
@@ -188,9 +191,9 @@ impl HostTool {
         let way = REACH * speed * self.spec.horizon;
         let around = Around {
             obstacle: self.spec.obstacle,
+            shape: &self.spec.shape,
             centre: self.centre,
-            radius: self.spec.radius,
-            beyond: way.max(LEAST_REACH * self.spec.radius),
+            beyond: way.max(LEAST_REACH * self.spec.shape.radius()),
             time: time_ns as f64 * 1e-9 + self.spec.horizon - 0.5 * self.spec.period,
         };
         self.surface.find(&around, &self.walls, contacts, bodies);
@@ -226,7 +229,7 @@ impl HostTool {
             for at in &order {
                 // Each body near the tool has a site.
                 let near = &self.surface.vertices[*at];
-                let apart = slope * (near.distance - nearest + FINEST * self.spec.radius);
+                let apart = slope * (near.distance - nearest + FINEST * self.spec.shape.radius());
                 let others = sites.iter().map(|site| &self.surface.vertices[*site]);
                 let mut others = others.filter(|other| other.vertex.side == near.vertex.side);
                 if others.all(|other| (other.place - near.place).norm() > apart) {
@@ -369,6 +372,11 @@ impl HostTool {
     /// The stiffness of the resultant, and the floor: `1 / K_t - 1 / K` by direction, where it is positive.
     fn floor(&mut self) {
         let rigid = Mat3::identity() / self.spec.stiffest;
+        // A place seen from the nearest point of the hull (m).
+        let apart = |place: &Vec3| {
+            let own = place - self.centre;
+            own - self.spec.shape.hull().nearest_to(&own).point
+        };
         let head = &mut self.patch.head;
         (head.stiffness, head.floor) = (f64::INFINITY, rigid);
         let is_wall = |slot: &Option<Vertex>| {
@@ -388,7 +396,7 @@ impl HostTool {
         if most > 0.0 {
             loaded.retain(|slot| sites[*slot].force.norm() > LOADED * most);
         } else {
-            let distance = |slot: &usize| (sites[*slot].place - self.centre).norm();
+            let distance = |slot: &usize| apart(&sites[*slot].place).norm();
             loaded.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
             loaded.truncate(3);
         }
@@ -402,7 +410,7 @@ impl HostTool {
         } else {
             loaded
                 .first()
-                .map_or(Vec3::z(), |slot| sites[*slot].place - self.centre)
+                .map_or(Vec3::z(), |slot| apart(&sites[*slot].place))
         };
         let along = along / along.norm().max(f64::MIN_POSITIVE);
         let whole = along.dot(&(stiffness * along));

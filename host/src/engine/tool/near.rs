@@ -2,7 +2,7 @@
 
 use crate::engine::body::HostBody;
 use physics::Vec3;
-use physics::contact::distance::point_triangle;
+use physics::contact::rounded::Rounded;
 use physics::contact::vicinity::Vicinity;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
 use std::collections::HashMap;
@@ -38,7 +38,7 @@ pub(super) struct Near {
     pub velocity: Vec3,
     /// The sum of the normals of its triangles, by area.
     pub normal: Vec3,
-    /// Distance from the centre of the tool (m).
+    /// Distance from the hull of the tool (m).
     pub distance: f64,
     /// The distance at which the tool touches its surface (m).
     pub skin: f64,
@@ -51,7 +51,7 @@ pub(super) struct Near {
 /// A triangle near the tool.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NearTriangle {
-    /// Distance from the centre of the tool (m).
+    /// Distance from the hull of the tool (m).
     pub distance: f64,
     /// Its vertices, by their places in [`Surface::vertices`].
     pub vertices: [usize; 3],
@@ -72,12 +72,13 @@ pub(super) struct Wall {
 
 /// The tool, and how far around it surfaces are looked for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Around {
+pub(super) struct Around<'a> {
     /// Its number among the obstacles.
     pub obstacle: usize,
+    /// Its shape about its centre.
+    pub shape: &'a Rounded,
     /// Its centre (m).
     pub centre: Vec3,
-    pub radius: f64,
     /// The distance beyond the radius (m).
     pub beyond: f64,
     /// The time at which obstacles are taken (s): amid the use of the patch.
@@ -102,7 +103,7 @@ impl Surface {
     /// Finds the surface near a tool; the nearest triangles come first.
     pub(super) fn find(
         &mut self,
-        around: &Around,
+        around: &Around<'_>,
         walls: &[Wall],
         contacts: &Contacts,
         bodies: &[HostBody],
@@ -116,7 +117,7 @@ impl Surface {
             .sort_by(|a, b| a.distance.total_cmp(&b.distance));
     }
 
-    fn find_bodies(&mut self, around: &Around, contacts: &Contacts, bodies: &[HostBody]) {
+    fn find_bodies(&mut self, around: &Around<'_>, contacts: &Contacts, bodies: &[HostBody]) {
         let surfaces = contacts.surfaces();
         let centre = &around.centre;
         for (part, side) in surfaces.parts.iter().zip(&contacts.sides()) {
@@ -126,7 +127,8 @@ impl Surface {
             };
             let body = bodies[number].body();
             let (x, v) = (body.node_positions(), body.node_velocities());
-            let reach = around.radius + meeting.distance + around.beyond;
+            let reach = around.shape.radius() + meeting.distance + around.beyond;
+            let extent = around.shape.hull().extent();
             let first = part.vertices.start;
             let range = part.triangles.start as usize..part.triangles.end as usize;
             for triangle in &surfaces.triangles[range] {
@@ -136,10 +138,11 @@ impl Surface {
                 };
                 let [a, b, c] = corners;
                 let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)];
-                if (low - centre).sup(&(centre - high)).max() > reach {
+                if (low - centre).sup(&(centre - high)).max() > reach + extent {
                     continue;
                 }
-                let distance = point_triangle(centre, [&a, &b, &c]).apart.norm();
+                let own = corners.map(|corner| corner - centre);
+                let distance = around.shape.hull().distance(own.each_ref());
                 if distance > reach {
                     continue;
                 }
@@ -151,7 +154,7 @@ impl Surface {
                 let velocities = nodes.map(|node| v[node as usize]);
                 let found = (*side, nodes, corners);
                 self.add(
-                    centre,
+                    around,
                     found,
                     velocities,
                     [distance, meeting.distance, meeting.friction],
@@ -160,13 +163,20 @@ impl Surface {
         }
     }
 
-    fn find_walls(&mut self, around: &Around, walls: &[Wall], contacts: &Contacts) {
+    fn find_walls(&mut self, around: &Around<'_>, walls: &[Wall], contacts: &Contacts) {
         self.searches = self.searches.wrapping_add(1);
         for wall in walls {
-            let reach = around.radius + wall.skin + around.beyond;
+            let reach = around.shape.radius() + wall.skin + around.beyond;
             let mut vicinity = core::mem::take(&mut self.vicinity);
             let obstacle = contacts.obstacle(wall.obstacle);
-            vicinity.find(obstacle, around.time, &around.centre, reach, around.beyond);
+            let lengths = [reach, around.beyond];
+            vicinity.find(
+                obstacle,
+                around.time,
+                around.shape.hull(),
+                &around.centre,
+                lengths,
+            );
             let from = if vicinity.are_kept() {
                 0
             } else {
@@ -177,7 +187,7 @@ impl Surface {
                 let numbers = numbers.map(|number| number.wrapping_add(from));
                 let found = (Side::Obstacle(wall.obstacle), numbers, places);
                 let of = [*distance, wall.skin, wall.friction];
-                self.add(&around.centre, found, [Vec3::zeros(); 3], of);
+                self.add(around, found, [Vec3::zeros(); 3], of);
             }
             self.vicinity = vicinity;
         }
@@ -186,7 +196,7 @@ impl Surface {
     /// Adds a triangle with its distance from the tool (m), the distance at which the tool touches it (m), and its friction.
     fn add(
         &mut self,
-        centre: &Vec3,
+        around: &Around<'_>,
         (side, nodes, places): Found,
         velocities: [Vec3; 3],
         [distance, skin, friction]: [f64; 3],
@@ -203,7 +213,7 @@ impl Surface {
                     place,
                     velocity,
                     normal: Vec3::zeros(),
-                    distance: (place - centre).norm(),
+                    distance: around.shape.hull().distance([&(place - around.centre); 3]),
                     skin,
                     force: Vec3::zeros(),
                     site: 0,

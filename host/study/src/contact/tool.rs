@@ -14,6 +14,7 @@ use host::engine::pacer::Pacer;
 use host::engine::stats::WallStopwatch;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
+use rt_core::hull::Hull;
 use rt_core::tool::{Patch, Tool, ToolConfig};
 use rt_core::{Pose, TickRecord, Twist, Vec3};
 use serde::Serialize;
@@ -157,10 +158,46 @@ const STROKE: Task = Task {
     ],
 };
 
+/// A tool of another shape: its name, its fields in place of the ball's, its lowest point (m), and its corners for a hull.
+struct Shaped {
+    name: &'static str,
+    fields: &'static str,
+    lowest: f64,
+}
+
+const SHAPES: [Shaped; 4] = [
+    Shaped {
+        name: "plate",
+        fields: "shape = \"plate\"\nlength = 0.03\nwidth = 0.02\nradius = 0.002",
+        lowest: 0.002,
+    },
+    Shaped {
+        name: "capsule",
+        fields: "shape = \"capsule\"\nlength = 0.02\nradius = 0.006\nrotation = { axis = [1, 1, 0], degrees = 90 }",
+        lowest: 0.006,
+    },
+    Shaped {
+        name: "box on a corner",
+        fields: "shape = \"box\"\nsize = [0.02, 0.02, 0.02]\nradius = 0.003\n\
+                 rotation = { axis = [1, -1, 0], degrees = 54.7356 }",
+        lowest: 0.015_124,
+    },
+    Shaped {
+        name: "hull of a wedge",
+        fields: "shape = \"hull\"\nmesh = { file = \"wedge.obj\", scale = 0.01 }\nradius = 0.002",
+        lowest: 0.007,
+    },
+];
+/// The motions of these tools.
+const SHAPED: [&str; 2] = ["press by half the radius", "rub"];
+/// A wedge with its edge below.
+const WEDGE: &str = "v -1 -0.7 0.5\nv 1 -0.7 0.5\nv 1 0.7 0.5\nv -1 0.7 0.5\nv -1 0 -0.5\nv 1 0 -0.5\n\
+                     f 1 2 3\nf 1 3 4\nf 2 1 5\nf 2 5 6\nf 4 3 6\nf 4 6 5\nf 1 4 5\nf 3 2 6\n";
+
 /// A tool under one host.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ToolCell {
-    /// The body.
+    /// The body, and the tool if it is no ball.
     pub body: String,
     /// The motion.
     pub task: &'static str,
@@ -203,8 +240,8 @@ impl ToolHost {
         let mut loaded = loaded.clone();
         let host = &mut loaded.scene.host;
         (host.step_rate, host.publish_rate, host.latency) = (rate, rate, latency);
-        let radius = loaded.scene.tools[0].radius;
         let world = World::new(&loaded)?;
+        let shape = world.tool_shapes().next();
         let bodies = build::bodies(&world, BuildOptions::default())?;
         let contact = Contact::new(&world, &bodies)?;
         Ok(Self {
@@ -212,7 +249,8 @@ impl ToolHost {
             pacer: Pacer::new(rate, 1),
             latency_ns: (latency * 1e9) as u64,
             tool: Tool::new(ToolConfig {
-                radius,
+                hull: shape.map_or(Hull::POINT, |shape| *shape.hull()),
+                radius: shape.map_or(0.0, |shape| shape.radius()),
                 period: TICK,
                 stiffest: STIFFEST,
                 most_damping: MOST_DAMPING,
@@ -289,7 +327,6 @@ pub(super) fn run(
         Level::Full => (&["30e3", "10e3", "100e3"], &HOSTS[..]),
     };
     let mut cells = Vec::new();
-    let count = (moduli.len() * TASKS.len() + 1) as f64;
     let mut each: Vec<(String, String, &Task)> = Vec::new();
     for young in moduli {
         let text = BLOCK.replace("young = 30e3", &format!("young = {young}"));
@@ -297,8 +334,18 @@ pub(super) fn run(
         each.extend(tasks.map(|task| (format!("block of {young} Pa"), text.clone(), task)));
     }
     each.push(("cloth".to_owned(), CLOTH.to_owned(), &STROKE));
+    for shape in &SHAPES {
+        let place = format!("position = [0.0, 0.0, {}]", 0.035 + shape.lowest);
+        let text = BLOCK
+            .replace("radius = 0.010", shape.fields)
+            .replace("position = [0.0, 0.0, 0.045]", &place);
+        let tasks = TASKS.iter().filter(|task| SHAPED.contains(&task.name));
+        each.extend(tasks.map(|task| (shape.name.to_owned(), text.clone(), task)));
+    }
+    let count = each.len() as f64;
+    let files = BTreeMap::from([("wedge.obj".to_owned(), WEDGE.as_bytes().to_vec())]);
     for (done, (body, text, task)) in each.into_iter().enumerate() {
-        let loaded = Scene::load_texts("tool.toml", &text, &BTreeMap::new())?;
+        let loaded = Scene::load_texts("tool.toml", &text, &files)?;
         let found = compare(&loaded, &body, task, hosts)?;
         let aimed = |cell: &&ToolCell| (cell.rate, cell.latency) == AIMED;
         for cell in found.iter().filter(aimed) {

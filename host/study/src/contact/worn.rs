@@ -163,10 +163,7 @@ fn drape() -> Result<World, StudyError> {
     let mut cloth = config(DOWN);
     cloth.mass_damping = 0.5;
     world.add_as_host(mesh, cloth)?;
-    world.add_obstacle(
-        Shape::Sphere { radius: 0.05 },
-        Motion::Still(Isometry3::identity()),
-    )?;
+    world.add_obstacle(Shape::sphere(0.05), Motion::Still(Isometry3::identity()))?;
     world.complete(0.4);
     Ok(world)
 }

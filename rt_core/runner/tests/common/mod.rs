@@ -7,6 +7,7 @@ use devices::scripted::{Scripted, small};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
+use rt_core::hull::Hull;
 use rt_core::local_model::ModelHead;
 use rt_core::safety::SafetyConfig;
 use rt_core::tool::{Patch, ToolConfig, ToolCouplingConfig};
@@ -161,6 +162,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
     assert!(config.bodies.push(body).is_ok());
     let tool = ToolCouplingConfig {
         tool: ToolConfig {
+            hull: Hull::POINT,
             radius: 5e-3,
             period: 1e-3,
             stiffest: 1e3,

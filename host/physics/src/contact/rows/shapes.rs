@@ -1,6 +1,6 @@
-//! Rows of obstacles with a shape: the vertices near a shape, and points between vertices that a sphere meets.
+//! Rows of obstacles with a shape: the vertices near a shape, and points between vertices that a rounded hull meets.
 //!
-//! **Spheres** also meet points between vertices, see `between`, and their contacts are looked at again in the solution
+//! **Rounded hulls** also meet points between vertices, see `between`, and their contacts are looked at again in the solution
 //! (`Rows::look`).
 
 use super::{Contact, Rows, Step, parting, strung};
@@ -9,14 +9,14 @@ use crate::contact::between::{Between, SHORT};
 use crate::contact::feet::{Connection, is_within};
 use crate::contact::kept::{Kept, Key};
 use crate::contact::pair::Foot;
-use crate::contact::shape::{Nearest, Shape};
+use crate::contact::shape::Nearest;
 
 /// The least product of the directions to a shape at the start and at the end of a step, for which the row has the direction
 /// at the end. A vertex that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end,
 /// where the force gives energy: more than friction takes, if `a` is large.
 const TURNED: f64 = 0.95;
-/// The distance, as a fraction of the radius of a sphere, by which a row may err, and which a point between vertices may lie in the
-/// sphere.
+/// The distance, as a fraction of the radius of a rounded hull, by which a row may err, and which a point between vertices may lie in
+/// it.
 const INEXACT: f64 = 1e-3;
 
 impl Rows {
@@ -51,7 +51,7 @@ impl Rows {
     }
 
     /// Looks at the facets of parts that `are_own` where the solution has them: `step.u` is the solved displacement. Points deep in a
-    /// sphere become contacts, after those that are there.
+    /// rounded hull become contacts, after those that are there.
     pub(crate) fn look(&mut self, step: &Step<'_>, are_own: &dyn Fn(usize) -> bool) {
         for ((end, x), u) in self.ends.iter_mut().zip(step.x).zip(step.u) {
             *end = x + u;
@@ -80,7 +80,7 @@ impl Rows {
         }
     }
 
-    /// The direction and the gap (m) for no displacement of a contact with a sphere, linearized at the solved displacement
+    /// The direction and the gap (m) for no displacement of a contact with a rounded hull, linearized at the solved displacement
     /// `step.u`; `None` if those of the row are as good there.
     pub(crate) fn looked_at(&self, step: &Step<'_>, contact: usize) -> Option<(Vec3, f64)> {
         let contact = &self.contacts[contact];
@@ -142,15 +142,14 @@ impl Rows {
         }
     }
 
-    /// Makes contacts of a sphere with the nearest points between the vertices of the cluster of this number.
+    /// Makes contacts of a rounded hull with the nearest points between the vertices of the cluster of this number.
     fn facets(&mut self, step: &Step<'_>, cluster: usize, number: usize, thickness: f64) {
         let obstacle = &step.obstacles[number];
-        let Shape::Sphere { radius } = obstacle.shape else {
+        let Some(rounded) = obstacle.rounded() else {
             return;
         };
         let sides = [step.hierarchy.clusters()[cluster].part, number];
-        let short = SHORT * (radius + thickness);
-        let [from, to] = [obstacle.start, obstacle.end].map(|pose| pose.translation.vector);
+        let short = SHORT * (rounded.radius() + thickness);
         step.hierarchy
             .each_facet(step.surfaces, cluster, &mut |corners| {
                 let places = corners.map(|vertex| &step.x[vertex as usize]);
@@ -161,9 +160,10 @@ impl Rows {
                     return;
                 }
                 let ends = corners.map(|vertex| &self.ends[vertex as usize]);
-                let at_end = Between::nearest(corners, ends, &to);
-                let at_start = Between::nearest(corners, places, &from);
-                for point in at_end.into_iter().chain(at_start) {
+                let near = [(&obstacle.end, ends), (&obstacle.start, places)];
+                let near = near.map(|(pose, corners)| rounded.near(pose, corners).weights);
+                let points = near.map(|weights| Between::at(corners, weights));
+                for point in points.into_iter().flatten() {
                     self.between(step, point, sides, thickness);
                 }
             });
@@ -233,8 +233,8 @@ impl Rows {
         let mut contact = self.contact(step, key, [part, other], &connection, predicted, thickness);
         contact.row.motion = motion;
         contact.start = start.distance - thickness;
-        if let Shape::Sphere { radius } = obstacle.shape {
-            contact.inexact = INEXACT * radius;
+        if let Some(rounded) = obstacle.rounded() {
+            contact.inexact = INEXACT * rounded.radius();
         }
         self.push(&contact);
     }

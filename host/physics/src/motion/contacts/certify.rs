@@ -353,17 +353,18 @@ mod tests {
             stood in [-3.0..3.0, -3.0..3.0, -3.0..3.0],
         ) {
             let (half, radius) = (0.4, 0.3);
-            let shape = [
+            let shapes = [
                 Shape::Plane,
-                Shape::Sphere { radius },
-                Shape::Capsule { half, radius },
+                Shape::sphere(radius),
+                Shape::capsule(half, radius),
                 Shape::Cylinder { half, radius },
                 Shape::Box { half: Vec3::new(0.3, 0.5, 0.2) },
-            ][number];
+            ];
+            let shape = &shapes[number];
             let [stood, turned] = [stood, turned].map(|by| UnitQuaternion::from_scaled_axis(Vec3::from(by)));
             let start = Isometry3::from_parts(Vec3::new(0.1, -0.2, 0.3).into(), stood);
             let placed = Placed {
-                shape,
+                shape: shape.clone(),
                 start,
                 end: Isometry3::from_parts(Vec3::from(moved).into(), turned) * start,
             };

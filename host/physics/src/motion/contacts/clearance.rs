@@ -9,8 +9,6 @@
 use super::parts::{Meetings, Owner};
 use super::{Contacts, Member};
 use crate::Vec3;
-use crate::contact::distance::point_triangle;
-use crate::contact::shape::Shape;
 use crate::contact::{Hierarchy, Placed, Surfaces};
 use crate::element::precision::Precision;
 
@@ -126,7 +124,7 @@ impl All<'_> {
         least
     }
 
-    /// The least distance between a vertex and a shape that may touch, or between a facet and a sphere, less the distance at which
+    /// The least distance between a vertex and a shape that may touch, or between a facet and a rounded hull, less the distance at which
     /// they touch (m).
     fn before_shapes(&self, shapes: &[Placed]) -> f64 {
         let parts = self.surfaces.parts.len();
@@ -140,14 +138,13 @@ impl All<'_> {
                 if distance(&cluster.centre) - cluster.extent >= least {
                     continue;
                 }
-                if let Shape::Sphere { radius } = placed.shape {
-                    let centre = placed.start.translation.vector;
-                    let touches = radius + meeting.distance;
+                if let Some(rounded) = placed.rounded() {
+                    let touches = rounded.radius() + meeting.distance;
                     self.hierarchy
                         .each_facet(self.surfaces, index, &mut |corners| {
                             let corners = corners.map(|vertex| &self.x[vertex as usize]);
-                            least =
-                                least.min(point_triangle(&centre, corners).apart.norm() - touches);
+                            let distance = rounded.distance_from_hull(&placed.start, corners);
+                            least = least.min(distance - touches);
                         });
                 } else {
                     let members = self.hierarchy.members(index).iter();

@@ -1,8 +1,8 @@
-//! Contacts with spheres, looked at again where the solver has brought the surface.
+//! Contacts with rounded hulls, looked at again where the solver has brought the surface.
 //!
-//! The rows of a step are linear, and stand at the points that are nearest in the predicted motion. A coarse surface that a sphere
+//! The rows of a step are linear, and stand at the points that are nearest in the predicted motion. A coarse surface that a hull
 //! dents turns and slides, and other points of its facets come nearest. So the solution is looked at: rows that have become
-//! inexact are linearized there, points that lie deep in a sphere become contacts, and the step is solved on from there. A surface at
+//! inexact are linearized there, points that lie deep in a hull become contacts, and the step is solved on from there. A surface at
 //! rest is looked at once and solved no further. The tick does the same (`rt_core::tool`).
 
 use super::parts::Owner;

@@ -200,7 +200,7 @@ impl Contacts {
             let pose = obstacle.pose(0.0);
             self.of_shapes.push(number);
             self.shapes.push(Placed {
-                shape: *shape,
+                shape: shape.clone(),
                 start: pose,
                 end: pose,
             });

@@ -1,5 +1,7 @@
 //! The law of a tool against analytic results: grooves, edges, the floor, friction, and messages that change nothing.
 
+mod shapes;
+
 use super::*;
 use crate::geometry::Mat3;
 use alloc::vec::Vec;
@@ -9,7 +11,12 @@ const PERIOD: f64 = 1e-3;
 const STIFFEST: f64 = 3000.0;
 
 fn ball(radius: f64) -> Tool {
+    rounded(&Hull::POINT, radius)
+}
+
+fn rounded(hull: &Hull, radius: f64) -> Tool {
     Tool::new(ToolConfig {
+        hull: *hull,
         radius,
         period: PERIOD,
         stiffest: STIFFEST,

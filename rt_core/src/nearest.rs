@@ -1,4 +1,4 @@
-//! The point of a triangle that is nearest to the centre of a tool.
+//! The point of a triangle that is nearest to another point.
 //!
 //! The regions of a triangle are told apart as in Ericson, *Real-Time Collision Detection* (2005), section 5.1.5.
 
@@ -6,7 +6,7 @@ use crate::geometry::Vec3;
 
 /// The weights of the corners at the point of a triangle that is nearest to `point`. They sum to one and are not negative.
 /// A triangle without area has the weights of its nearest corner or edge.
-pub(super) fn weights(point: &Vec3, [a, b, c]: [&Vec3; 3]) -> [f64; 3] {
+pub(crate) fn weights(point: &Vec3, [a, b, c]: [&Vec3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let from_a = point - a;
     let (d1, d2) = (ab.dot(&from_a), ac.dot(&from_a));

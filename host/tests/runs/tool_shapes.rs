@@ -1,0 +1,243 @@
+//! Tools of every shape: capsules, plates, boxes and hulls, on obstacles and on soft bodies.
+
+use host::run::prepare::Options;
+use host::run::session::Session;
+use host::scene::{LoadedScene, Scene};
+use host::world::World;
+use rt_core::{Telemetry, Vec3};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// Every shape but the ball: its fields in a scene, and the height of its centre over its lowest point (m).
+const SHAPES: [(&str, f64); 5] = [
+    ("shape = 'capsule'\nlength = 0.02\nradius = 0.005", 0.015),
+    (
+        "shape = 'capsule'\nlength = 0.02\nradius = 0.005\nrotation = { axis = [0, 1, 0], degrees = 90 }",
+        0.005,
+    ),
+    (
+        "shape = 'plate'\nlength = 0.02\nwidth = 0.014\nradius = 0.001",
+        0.001,
+    ),
+    (
+        "shape = 'box'\nsize = [0.02, 0.01, 0.01]\nradius = 0.002\nrotation = { axis = [1, 0, 0], degrees = 45 }",
+        // A half of the diagonal between two edges, and the radius.
+        0.003 * std::f64::consts::SQRT_2 + 0.002,
+    ),
+    // The edge of the wedge is 5 mm below its origin.
+    (
+        "shape = 'hull'\nmesh = { file = 'wedge.obj', scale = 0.01 }\nradius = 0.002",
+        0.007,
+    ),
+];
+/// A wedge with an edge along x below, and a vertex in its middle that is no corner.
+const WEDGE: &str = "v -1 -0.7 0.5\nv 1 -0.7 0.5\nv 1 0.7 0.5\nv -1 0.7 0.5\nv -1 0 -0.5\nv 1 0 -0.5\nv 0 0 0.5\n\
+                     f 1 2 7\nf 2 3 7\nf 3 4 7\nf 4 1 7\nf 2 1 5\nf 2 5 6\nf 4 3 6\nf 4 6 5\nf 1 4 5\nf 3 2 6\n";
+
+fn shipped(name: &str) -> String {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+    fs::read_to_string(scenes.join(name)).unwrap()
+}
+
+fn load(text: &str) -> LoadedScene {
+    let files = BTreeMap::from([("wedge.obj".to_owned(), WEDGE.as_bytes().to_vec())]);
+    Scene::load_texts("shapes.toml", text, &files).unwrap()
+}
+
+fn ticks(loaded: &LoadedScene, duration: f64) -> Vec<Telemetry> {
+    let world = World::new(loaded).unwrap();
+    let mut session = Session::new(&world, &Options::new(duration, 1)).unwrap();
+    std::iter::from_fn(|| session.tick()).collect()
+}
+
+/// Lines of a hand that goes down by `depth` (m) below its rest in 0.4 s and stays there.
+fn press(depth: f64) -> String {
+    format!(
+        "waypoints = [[0.1, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, {:?}]]",
+        -depth
+    )
+}
+
+/// A scene text with another tool and another hand. `surface` is the height of the surface (m), above which the tool begins 3 mm.
+fn with_tool(text: &str, (fields, lowest): (&str, f64), surface: f64, hand: &str) -> String {
+    let (head, _) = text.split_at(text.find("[[tool]]").unwrap());
+    format!(
+        "{head}[[tool]]\nname = 'tool'\ndevice = 'omega'\n{fields}\nposition = [0.0, 0.0, {:?}]\nfriction = 0.3\n\n\
+         [[device]]\nname = 'omega'\nmodel = 'omega3'\nmax_force = 8.0\n\n\
+         [device.hand]\nstiffness = 500.0\ndamping = 12.0\n{hand}\n",
+        surface + lowest + 0.003
+    )
+}
+
+#[test]
+fn a_tool_of_each_shape_stands_on_each_obstacle() {
+    // Each has its highest point at the origin.
+    let obstacles = [
+        "shape = 'plane'",
+        "shape = 'box'\nsize = [0.1, 0.1, 0.06]\nposition = [0.0, 0.0, -0.03]",
+        "shape = 'sphere'\nradius = 0.03\nposition = [0.0, 0.0, -0.03]",
+        "shape = 'capsule'\nradius = 0.02\nlength = 0.05\nposition = [0.0, 0.0, -0.02]\nrotation = { axis = [1, 0, 0], degrees = 90 }",
+        "shape = 'cylinder'\nradius = 0.03\nlength = 0.04\nposition = [0.0, 0.0, -0.02]",
+    ];
+    let head = "name = 'table'\nduration = 2.0\n[host]\nstep_rate = 120.0\npublish_rate = 60.0\nlatency = 0.004\n";
+    for obstacle in obstacles {
+        for shape in SHAPES {
+            let text = format!("{head}[[obstacle]]\nname = 'table'\n{obstacle}\n\n[[tool]]");
+            let run = ticks(&load(&with_tool(&text, shape, 0.0, &press(0.006))), 0.8);
+            let tool = run[750].tools().next().unwrap();
+            // Triangles stand for curved obstacles.
+            let apart = tool.proxy - Vec3::z() * shape.1;
+            assert!(apart.norm() < 3e-5, "{obstacle} {shape:?}: {apart}");
+            let force = run[750].devices[0].wrench.force;
+            let is_across = force.xy().norm() < 0.02 * force.z;
+            assert!(force.z > 0.5 && is_across, "{obstacle} {shape:?}: {force}");
+            let least = run.iter().map(|tick| tick.tools[0].energy.least);
+            assert!(least.fold(0.0, f64::min) > -1e-3);
+        }
+    }
+}
+
+/// A tool of each shape is pressed on a soft block of coarse cells. A host of 60 Hz lets it feel what physics in every tick does.
+#[test]
+fn a_tool_of_each_shape_feels_a_soft_block() {
+    let text = shipped("touch.toml").replace("[12, 12, 6]", "[8, 8, 4]");
+    for shape in SHAPES {
+        let text = with_tool(&text, shape, 0.03, &press(0.009));
+        let every_tick = text
+            .replace("step_rate = 120.0", "step_rate = 1000.0")
+            .replace("publish_rate = 60.0", "publish_rate = 1000.0")
+            .replace("latency = 0.004", "latency = 0.0");
+        let [late, exact] = [text, every_tick].map(|text| ticks(&load(&text), 0.8));
+        let force = |run: &[Telemetry], at: usize| run[at].devices[0].wrench.force;
+        let each = (0..800).map(|at| (force(&late, at) - force(&exact, at)).norm_squared());
+        let peak = exact.iter().map(|tick| tick.devices[0].wrench.force.norm());
+        let peak = peak.fold(0.0, f64::max);
+        let error = (each.sum::<f64>() / 800.0).sqrt() / peak;
+        // Friction under the plate depends on the way, and the cells are as long as the plate: finer cells err by under 1 %
+        // (`palpate bench contact --part tool`).
+        assert!(peak > 0.5 && error < 0.04, "{shape:?}: {error} of {peak}");
+    }
+}
+
+/// Two tools of different shapes press one block, and each has the force that it has alone.
+#[test]
+fn two_tools_of_different_shapes_press_one_block() {
+    let text = shipped("touch.toml")
+        .replace("[12, 12, 6]", "[8, 8, 4]")
+        .replace("[0.1, 0.1, 0.06]", "[0.2, 0.1, 0.06]");
+    let [capsule, plate] = [SHAPES[1], SHAPES[2]].map(|shape| {
+        let text = with_tool(&text, shape, 0.03, &press(0.009));
+        text.split_at(text.find("[[tool]]").unwrap()).1.to_owned()
+    });
+    let head = text.split_at(text.find("[[tool]]").unwrap()).0;
+    let capsule = capsule.replace("position = [0.0", "position = [-0.06");
+    let plate = plate
+        .replace("position = [0.0", "position = [0.06")
+        .replace("'tool'", "'second'")
+        .replace("'omega'", "'other'");
+    let run = |tools: &str| ticks(&load(&format!("{head}{tools}")), 0.8);
+    let both = run(&format!("{capsule}{plate}"));
+    for (device, alone) in [run(&capsule), run(&plate)].iter().enumerate() {
+        let [alone, beside] = [&alone[790].devices[0], &both[790].devices[device]];
+        let [alone, beside] = [alone, beside].map(|device| device.wrench.force);
+        let apart = (alone - beside).norm();
+        assert!(
+            alone.z > 0.3 && apart < 0.03 * alone.norm(),
+            "{alone} {beside}"
+        );
+    }
+}
+
+#[test]
+fn bad_shapes_are_refused_with_their_field() {
+    let ball: String = (0..200)
+        .map(|k| {
+            let (z, turn) = (1.0 - f64::from(k) / 100.0, 2.4 * f64::from(k));
+            let out = (1.0 - z * z).max(0.0).sqrt();
+            format!("v {} {} {z}\n", out * turn.cos(), out * turn.sin())
+        })
+        .chain(["f 1 2 3\n".to_owned()])
+        .chain((3..200).map(|k| format!("f {} {} {}\n", k - 1, k, k + 1)))
+        .collect();
+    let files = BTreeMap::from([("ball.obj".to_owned(), ball.into_bytes())]);
+    let cases = [
+        (
+            "shape = 'ball'\nradius = 0.01",
+            "tool[0].shape: found 'ball', allowed: `sphere`, `capsule`, `plate`, `box`, `hull`",
+        ),
+        (
+            "length = 0.02\nradius = 0.01",
+            "tool[0].length: found 0.02, allowed: no such field: a sphere has no length",
+        ),
+        (
+            "shape = 'capsule'\nradius = 0.01",
+            "tool[0].length: found none, allowed: a `length`, which a capsule has",
+        ),
+        (
+            "shape = 'plate'\nlength = 0.02\nradius = 0.001",
+            "tool[0].width: found none",
+        ),
+        (
+            "shape = 'box'\nsize = [0.01, 0.02, 0.03]\nradius = 0.006",
+            "tool[0].radius: found 0.006, allowed: half the shortest side of the box at most",
+        ),
+        (
+            "shape = 'box'\nsize = [0.01, -0.02, 0.03]\nradius = 0.001",
+            "tool[0].size",
+        ),
+        ("shape = 'hull'\nradius = 0.001", "tool[0].mesh: found none"),
+        (
+            "shape = 'hull'\nmesh = { file = 'none_#.obj' }\nradius = 0.001",
+            "tool[0].mesh.file",
+        ),
+        (
+            "shape = 'hull'\nmesh = { file = '' }\nradius = 0.001",
+            "tool[0].mesh.file",
+        ),
+        (
+            "shape = 'hull'\nmesh = { file = 'ball.obj', scale = 0.01, merge = 1 }\nradius = 0.001",
+            "tool[0].mesh.merge",
+        ),
+        (
+            "shape = 'hull'\nmesh = { file = 'ball.obj', scale = 0.01 }\nradius = 0.001",
+            "outside of a hull of 32 corners",
+        ),
+        (
+            "radius = 0.01\nrotation = { axis = [0, 0, 0], degrees = 3 }",
+            "tool[0].rotation.axis",
+        ),
+    ];
+    let text = shipped("touch.toml");
+    for (fields, said) in cases {
+        let text = with_tool(&text, (fields, 0.02), 0.03, &press(0.0));
+        let loaded = Scene::load_texts("shapes.toml", &text, &files);
+        let error = match &loaded {
+            Ok(loaded) => World::new(loaded).err().map(|error| error.to_string()),
+            Err(error) => Some(error.to_string()),
+        };
+        let error = error.unwrap_or_default();
+        assert!(error.contains(said), "{fields}: {error}");
+    }
+    // A plate that begins in the block, and one that crosses the edge of an obstacle.
+    let inside = with_tool(
+        &text,
+        (
+            "shape = 'plate'\nlength = 0.02\nwidth = 0.02\nradius = 0.002",
+            -0.002,
+        ),
+        0.03,
+        &press(0.0),
+    );
+    let error = World::new(&load(&inside)).unwrap_err().to_string();
+    assert!(error.contains("tool[0]: found"), "{error}");
+    let wall = "[[obstacle]]\nname = 'wall'\nshape = 'box'\nsize = [0.01, 0.1, 0.1]\nposition = [0.012, 0.0, 0.1]\n\n[[tool]]";
+    let across = with_tool(
+        &text.replace("[[tool]]", wall),
+        (SHAPES[2].0, 0.03),
+        0.03,
+        &press(0.0),
+    );
+    let error = World::new(&load(&across)).unwrap_err().to_string();
+    assert!(error.contains("tool[0].position: found"), "{error}");
+}
