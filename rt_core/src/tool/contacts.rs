@@ -75,7 +75,8 @@ impl Contact {
     }
 
     /// Takes direction and distance at these places. Returns whether there is a direction: below the triangle, it is that of the
-    /// triangle.
+    /// triangle. A contact at an edge goes on while the hull stays on the side of the last direction, which may lie in the plane of
+    /// the triangle.
     fn look(&mut self, now: &Places<'_>) -> bool {
         let Some([a, b, c]) = place(self.corners, now.sites) else {
             return false;
@@ -84,7 +85,9 @@ impl Contact {
         self.foot = self.at(now.sites);
         let near = now.hull.nearest_to(&(self.foot - now.centre));
         let apart = now.centre + near.point - self.foot;
-        self.has_passed = !near.are_apart || apart.dot(&outward) <= 0.0;
+        let goes_on = !self.has_passed && apart.dot(&self.normal) > 0.0;
+        let is_above = goes_on || apart.dot(&outward) > 0.0;
+        self.has_passed = !(near.are_apart && is_above);
         self.normal = if self.has_passed { outward } else { apart }.normalize();
         self.tip = if self.has_passed {
             now.hull.lowest(&self.normal)

@@ -176,3 +176,43 @@ fn a_tool_whose_hull_has_passed_the_surface_parts_at_a_bounded_speed() {
         );
     }
 }
+
+/// The upper side and the sides of a box of 0.1 m, whose sides lean outwards by this way (m).
+fn leaning_box(out: f64, friction: f64) -> Patch {
+    let at =
+        |[x, y]: [f64; 2], z: f64| [(0.05 - out * z) * x, (0.05 - out * z) * y, 0.05 * (z - 1.0)];
+    let [a, b, c, d] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let mut triangles = Vec::new();
+    for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
+        let [p, q, r, s] = [at(one, 1.0), at(one, 0.0), at(other, 0.0), at(other, 1.0)];
+        triangles.extend([[p, q, r], [p, r, s]]);
+    }
+    triangles.extend([[a, b, c], [a, c, d]].map(|corners| corners.map(|corner| at(corner, 1.0))));
+    obstacle(&triangles, friction)
+}
+
+/// A plate lies over all edges of a box. The planes of the sides pass through the plate, on one or the other side of its nearest
+/// points: no contact turns to the normal of a side.
+#[test]
+fn a_plate_that_overhangs_a_box_is_pushed_upwards() {
+    for friction in [0.0, 0.3] {
+        let mut tool = rounded(&plate(0.1, 0.09), 4e-3);
+        for tick in 0..1000 {
+            if tick % 16 == 0 {
+                // Half a micrometre over the height of the side.
+                let out = [0.5e-6, -0.5e-6][tick / 16 % 2];
+                let mut patch = leaning_box(out, friction);
+                (patch.head.sequence, patch.head.period) = (tick as u64 / 16 + 1, 0.016);
+                tool.accept(&patch).unwrap();
+            }
+            let time = tick as f64 * PERIOD;
+            let down = (0.02 * time).min(2e-3);
+            let hand = Vec3::z() * (5e-3 - down);
+            let force = tool.tick(&hand);
+            let expected = (4e-3 - hand.z).max(0.0) * STIFFEST;
+            // Friction holds the edges, which move by a micrometre.
+            let error = force - Vec3::z() * expected;
+            assert!(error.norm() < 1e-2, "{tick} {force} {expected}");
+        }
+    }
+}
