@@ -395,7 +395,10 @@ impl Start<'_> {
     fn name(&self, thing: Thing) -> String {
         let kind = match thing {
             Thing::Body(_) => "body",
-            Thing::Obstacle(_) => "obstacle",
+            Thing::Obstacle(index) if index < self.loaded.scene.given_obstacles().len() => {
+                "obstacle"
+            }
+            Thing::Obstacle(_) => "tool",
         };
         format!("{kind} {:?}", thing.name(&self.loaded.scene))
     }

@@ -18,11 +18,13 @@ use std::sync::Arc;
 const INSIDE: f64 = 0.5;
 /// The fraction of the radius of a tool by which a vertex of its mesh may lie outside of its hull.
 const OUTSIDE: f64 = 0.05;
+/// The largest distance of a vertex from the centre of a tool (m).
+const LARGEST: f64 = 10.0;
 
 /// The hull of the tool `index`, in axes of the scene about the centre of the tool.
 ///
 /// # Errors
-/// [`SceneError`] at the field of the mesh, for a file that is no mesh, and for a hull of too many corners.
+/// [`SceneError`] at the field of the mesh, for a file that is no mesh, and for a hull of too many corners, or beside its origin.
 fn hull(loaded: &LoadedScene, index: usize) -> Result<Hull, SceneError> {
     let tool = &loaded.scene.tools[index];
     let field = format!("tool[{index}].mesh.file");
@@ -32,7 +34,13 @@ fn hull(loaded: &LoadedScene, index: usize) -> Result<Hull, SceneError> {
         Some(file) => surface(loaded, &field, file, scale.unwrap_or(1.0))?.0,
         None => Vec::new(),
     };
-    hull_of(&tool.corners(&vertices), OUTSIDE * tool.radius).map_err(|outside| {
+    let largest = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
+    if largest > LARGEST {
+        let found = format!("a vertex {} m away from the origin", round(largest));
+        let allowed = format!("{LARGEST} m at most, by `scale`");
+        return Err(loaded.source.error(&field, found, allowed));
+    }
+    let hull = hull_of(&tool.corners(&vertices), OUTSIDE * tool.radius).map_err(|outside| {
         let found = format!(
             "a vertex that lies {} m outside of a hull of {MAX_CORNERS} corners",
             round(outside)
@@ -42,7 +50,15 @@ fn hull(loaded: &LoadedScene, index: usize) -> Result<Hull, SceneError> {
             round(outside / OUTSIDE)
         );
         loaded.source.error(&field, found, allowed)
-    })
+    })?;
+    // Which side of a sheet a tool is on, and whether it is inside of an obstacle, is asked of its centre.
+    let beside = hull.nearest_to(&Vec3::zeros()).point.norm();
+    if beside > tool.radius {
+        let found = format!("a hull {} m beside its origin", round(beside));
+        let allowed = "a mesh around its origin, which is the centre of the tool";
+        return Err(loaded.source.error(&field, found, allowed));
+    }
+    Ok(hull)
 }
 
 /// The obstacle that the tool `index` is to bodies.

@@ -29,7 +29,7 @@ pub struct Tool {
     /// `box`: the lengths of its sides (m).
     #[serde(default, deserialize_with = "check::optional_positive3")]
     pub size: Option<[f64; 3]>,
-    /// `hull`: a mesh. The tool has all points within the radius of the mesh's convex hull.
+    /// `hull`: a mesh around its origin. The tool has all points within the radius of the mesh's convex hull.
     #[serde(default, deserialize_with = "check::optional_table")]
     pub mesh: Option<HullMesh>,
     /// Where the centre is at rest (m); of a hull, the origin of its mesh.
@@ -133,7 +133,7 @@ impl Tool {
             shape: None,
             radius: Some(self.radius),
             length: self.length,
-            size: self.sides(),
+            size: self.size,
             mesh: self.mesh.as_ref().map(|mesh| ObstacleMesh {
                 file: mesh.file.clone(),
                 scale: mesh.scale,
