@@ -1,10 +1,14 @@
 //! Tools of every shape: capsules, plates, boxes and hulls, on obstacles and on soft bodies.
 
-use host::run::prepare::Options;
+use host::engine::faults::{FaultKind, HostFault};
+use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
+use rt_core::tool::Patch;
 use rt_core::{Telemetry, Vec3};
+use runner::AnyDevice;
+use sim::{Fault, Faulty};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -120,6 +124,86 @@ fn a_tool_of_each_shape_feels_a_soft_block() {
     }
 }
 
+/// The forces on a tool that is pressed (N), in the tick and in the host at the hold, and the largest change of the tick's force in a
+/// tick.
+fn held(text: &str) -> (Vec3, Vec3, f64) {
+    let loaded = load(text);
+    let world = World::new(&loaded).unwrap();
+    let mut session = Session::new(&world, &Options::new(0.8, 1)).unwrap();
+    let (mut force, mut host, mut jump) = (Vec3::zeros(), Vec3::zeros(), 0.0_f64);
+    while let Some(tick) = session.tick() {
+        let now = tick.tools[0].force;
+        jump = jump.max((now - force).norm());
+        force = now;
+        for (_, patch) in session.engine().unwrap().patches() {
+            host = host_force(patch);
+        }
+    }
+    (force, host, jump)
+}
+
+/// The force of the surface on the tool in the host's step (N).
+fn host_force(patch: &Patch) -> Vec3 {
+    let sites = (patch.sites.iter()).take(usize::from(patch.head.site_count));
+    -sites.map(|site| site.force).sum::<Vec3>()
+}
+
+/// Long, wide and thin tools lie on many more vertices than a patch has sites. The tick feels them as the host does.
+#[test]
+fn the_tick_feels_what_the_host_presses_under_long_and_wide_tools() {
+    let capsule = |length: f64, turned: f64| {
+        let (y, x) = turned.sin_cos();
+        format!(
+            "shape = 'capsule'\nlength = {length}\nradius = 0.005\nrotation = {{ axis = [{}, {x}, 0], degrees = 90 }}",
+            -y
+        )
+    };
+    let plate = |length: f64, width: f64, radius: f64| {
+        format!("shape = 'plate'\nlength = {length}\nwidth = {width}\nradius = {radius}")
+    };
+    let block = |cells: &str, young: &str| {
+        let text = shipped("touch.toml").replace("[12, 12, 6]", cells);
+        (
+            text.replace("young = 30e3", &format!("young = {young}")),
+            0.03,
+        )
+    };
+    let sheet = |cells: &str| {
+        let text = shipped("pierce.toml").replace("[24, 24]", cells);
+        (text.replace("strength = 1e5", "strength = 1e9"), 0.0005)
+    };
+    for (tool, radius, (text, surface)) in [
+        (capsule(0.08, 0.0), 0.005, block("[12, 12, 6]", "30e3")),
+        (capsule(0.16, 0.2), 0.005, block("[12, 12, 6]", "30e3")),
+        (
+            plate(0.06, 0.06, 0.001),
+            0.001,
+            block("[16, 16, 4]", "10e3"),
+        ),
+        (
+            plate(0.08, 0.01, 0.002),
+            0.002,
+            block("[12, 12, 6]", "30e3"),
+        ),
+        // Wider than the block, which is stiffer than the device.
+        (plate(0.2, 0.2, 0.004), 0.004, block("[8, 8, 4]", "100e3")),
+        (plate(0.2, 0.05, 0.004), 0.004, block("[8, 8, 4]", "30e3")),
+        (capsule(0.08, 0.0), 0.005, sheet("[16, 16]")),
+        (capsule(0.08, 0.3), 0.005, sheet("[24, 24]")),
+        (plate(0.05, 0.03, 0.002), 0.002, sheet("[24, 24]")),
+    ] {
+        let text = with_tool(&text, (&tool, radius), surface, &press(0.009));
+        let (tick, host, jump) = held(&text);
+        let error = (tick - host).norm() / host.norm();
+        // Measured: 1.4 to 10 % on blocks, 4 to 17 % on sheets, which hardly resist; and jumps of up to 0.38 N, where a tool that comes at
+        // 50 mm/s meets a block flatly.
+        assert!(
+            host.z > 0.1 && error < 0.2 && jump < 0.5,
+            "{tool:?}: {tick} {host}, {error} {jump}"
+        );
+    }
+}
+
 /// Two tools of different shapes press one block, and each has the force that it has alone.
 #[test]
 fn two_tools_of_different_shapes_press_one_block() {
@@ -149,6 +233,80 @@ fn two_tools_of_different_shapes_press_one_block() {
     }
 }
 
+/// A long capsule and a wide plate press one block, and the host stands still, or the first device is silent or gone, for a while. The
+/// tool of the other device is not disturbed. After a while the tick feels of each tool what the host presses.
+#[test]
+fn long_and_wide_tools_come_back_after_faults() {
+    let text = shipped("touch.toml")
+        .replace("[12, 12, 6]", "[12, 6, 3]")
+        .replace("[0.1, 0.1, 0.06]", "[0.2, 0.1, 0.06]");
+    let capsule = "shape = 'capsule'\nlength = 0.07\nradius = 0.005\nrotation = { axis = [1, 0, 0], degrees = 90 }";
+    let plate = "shape = 'plate'\nlength = 0.05\nwidth = 0.06\nradius = 0.002";
+    let [capsule, plate] = [(capsule, 0.005), (plate, 0.002)]
+        .map(|shape| with_tool(&text, shape, 0.03, &press(0.009)));
+    let tools = |text: &str| text.split_at(text.find("[[tool]]").unwrap()).1.to_owned();
+    let capsule = capsule.replace("position = [0.0", "position = [-0.05");
+    let second = tools(&plate)
+        .replace("position = [0.0", "position = [0.05")
+        .replace("'tool'", "'second'")
+        .replace("'omega'", "'other'");
+    let loaded = load(&format!("{capsule}{second}"));
+    let world = World::new(&loaded).unwrap();
+    let run = |stall: Option<f64>, lost: Option<Fault>| {
+        let mut options = Options::new(2.0, 1);
+        options.faults = (stall.into_iter())
+            .map(|duration| HostFault {
+                kind: FaultKind::Stall,
+                at: 0.7,
+                duration,
+            })
+            .collect();
+        let mut prepared = Prepared::new(&world, &options).unwrap();
+        let mut faults = lost.map(|fault| (700_000_000..900_000_000, fault));
+        let devices = prepared.tick.devices.into_iter();
+        prepared.tick.devices = devices
+            .map(|device| {
+                Box::new(Faulty::new(device, faults.take().into_iter().collect())) as AnyDevice
+            })
+            .collect();
+        let mut session = Session::of(prepared);
+        let (mut run, mut host) = (Vec::new(), [Vec3::zeros(); 2]);
+        while let Some(tick) = session.tick() {
+            run.push(tick);
+            for (device, patch) in session.engine().unwrap().patches() {
+                host[device] = host_force(patch);
+            }
+        }
+        (run, host)
+    };
+    let (whole, _) = run(None, None);
+    let force = |run: &[Telemetry], at: usize, tool: usize| run[at].devices[tool].wrench.force;
+    for (stall, lost) in [
+        (Some(0.3), None),
+        (None, Some(Fault::Silent)),
+        (None, Some(Fault::Gone)),
+    ] {
+        let (faulty, host) = run(stall, lost);
+        for tool in [0, 1] {
+            // A device that was lost resumes where its tool was, and presses less deeply afterwards.
+            let (now, host) = (faulty[1999].tools[tool].force, host[tool]);
+            let apart = (now - host).norm() / host.norm();
+            assert!(
+                now.z > 0.5 && apart < 0.1,
+                "{stall:?} {lost:?} {tool}: {now} {host}"
+            );
+            let least = faulty.iter().map(|tick| tick.tools[tool].energy.least);
+            assert!(
+                least.fold(0.0, f64::min) > -1e-3,
+                "{stall:?} {lost:?} {tool}"
+            );
+        }
+        let other = (700..1990).map(|at| (force(&faulty, at, 1) - force(&whole, at, 1)).norm());
+        let most = other.fold(0.0, f64::max);
+        assert!(most < 0.1, "{stall:?} {lost:?}: {most}");
+    }
+}
+
 #[test]
 fn bad_shapes_are_refused_with_their_field() {
     let ball: String = (0..200)
@@ -160,7 +318,11 @@ fn bad_shapes_are_refused_with_their_field() {
         .chain(["f 1 2 3\n".to_owned()])
         .chain((3..200).map(|k| format!("f {} {} {}\n", k - 1, k, k + 1)))
         .collect();
-    let files = BTreeMap::from([("ball.obj".to_owned(), ball.into_bytes())]);
+    let aside = "v 2 0 0\nv 3 1 0\nv 3 -1 0\nv 3 0 1\nf 1 2 3\nf 1 3 4\n";
+    let files = BTreeMap::from([
+        ("ball.obj".to_owned(), ball.into_bytes()),
+        ("aside.obj".to_owned(), aside.as_bytes().to_vec()),
+    ]);
     let cases = [
         (
             "shape = 'ball'\nradius = 0.01",
@@ -202,6 +364,14 @@ fn bad_shapes_are_refused_with_their_field() {
         (
             "shape = 'hull'\nmesh = { file = 'ball.obj', scale = 0.01 }\nradius = 0.001",
             "outside of a hull of 32 corners",
+        ),
+        (
+            "shape = 'hull'\nmesh = { file = 'aside.obj', scale = 0.01 }\nradius = 0.001",
+            "tool[0].mesh.file: found a hull 0.02 m beside its origin",
+        ),
+        (
+            "shape = 'hull'\nmesh = { file = 'aside.obj', scale = 1e300 }\nradius = 0.001",
+            "tool[0].mesh.file: found a vertex",
         ),
         (
             "radius = 0.01\nrotation = { axis = [0, 0, 0], degrees = 3 }",

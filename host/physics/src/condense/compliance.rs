@@ -1,7 +1,8 @@
 //! The compliance of points of a surface: how far each one gives way to a force at each other.
 //!
-//! A tool in the tick presses on points of a body, the **sites**, and the body yields to it until the next publication. With `J`
-//! the rows of the sites and `A = M / t^2 + C / t + K` at the publication period `t`, the shapes of the sites are `U = A^-1 J^T`,
+//! A tool in the tick presses on points of a body, the **sites**, and the body yields to it until the next publication. The force on
+//! a site is spread over nodes by weights, its [`Footprint`], and the displacement of the site is the mean of theirs by the same
+//! weights: a single node gives way to a force more than the area for which it stands. With `J` the rows of the sites and `A = M / t^2 + C / t + K` at the publication period `t`, the shapes of the sites are `U = A^-1 J^T`,
 //! and their values at the sites `S = J U`. The elastic compliance of the sites in the space of the shapes is
 //!
 //! ```text
@@ -37,6 +38,25 @@ const LEAST_TIME: f64 = 1.0 / 60.0;
 /// The least number of iterations that the first computation of a shape may take.
 const FIRST_ITERATIONS: usize = 200;
 
+/// The nodes over which a force on a site is spread.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Footprint {
+    /// The node of the site.
+    pub node: u32,
+    /// Nodes with their weights (1), which sum to one.
+    pub weights: Vec<(u32, f64)>,
+}
+
+impl Footprint {
+    /// The node alone.
+    pub fn of(node: u32) -> Self {
+        Self {
+            node,
+            weights: vec![(node, 1.0)],
+        }
+    }
+}
+
 /// The compliance of the sites of a body, kept from one publication to the next.
 #[derive(Debug)]
 pub struct SiteCompliance {
@@ -62,9 +82,11 @@ pub struct SiteCompliance {
 }
 
 /// A place in the list of sites.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Site {
     node: Option<u32>,
+    /// The weights of its shapes.
+    weights: Vec<(u32, f64)>,
     /// The linearization of its shapes; `None` before their first computation.
     state: Option<u64>,
 }
@@ -107,8 +129,8 @@ impl SiteCompliance {
     }
 
     /// Computes the compliance of the `sites` of the body that `stepper` moves, after the last step, for publications every
-    /// `period` seconds. `sites` are nodes, or places without one. A node that stays at its place keeps its shapes. If the body
-    /// has a local model, that must have been made. The first call allocates.
+    /// `period` seconds. `sites` are footprints, or places without one. A site whose node stays at its place keeps its shapes, and
+    /// their weights, until it is its turn. If the body has a local model, that must have been made. The first call allocates.
     ///
     /// # Errors
     ///
@@ -118,7 +140,7 @@ impl SiteCompliance {
         stepper: &mut Stepper<T>,
         body: &Body,
         period: f64,
-        sites: impl Iterator<Item = Option<u32>>,
+        sites: &[Option<Footprint>],
         options: &ShapeOptions,
     ) -> Result<ShapeReport, CondenseError> {
         if !(period > 0.0 && period.is_finite()) {
@@ -133,14 +155,14 @@ impl SiteCompliance {
         let mut left = options.at_a_time;
         for place in 0..count {
             if self.sites[place].node.is_some() && self.sites[place].state.is_none() {
-                self.solve(stepper, body, place, options, &mut report);
+                self.solve(stepper, body, (place, sites), options, &mut report);
             }
         }
         let next = self.next;
         for place in (0..count).map(|by| (next + by) % count) {
-            let Site { node, state: of } = self.sites[place];
-            if node.is_some() && of != Some(state) && left > 0 {
-                self.solve(stepper, body, place, options, &mut report);
+            let site = &self.sites[place];
+            if site.node.is_some() && site.state != Some(state) && left > 0 {
+                self.solve(stepper, body, (place, sites), options, &mut report);
                 (left, self.next) = (left - 1, place + 1);
             }
         }
@@ -149,7 +171,7 @@ impl SiteCompliance {
     }
 
     /// Takes the nodes of the sites. The shapes of other nodes, of another topology and of another period are forgotten.
-    fn take(&mut self, body: &Body, period: f64, sites: impl Iterator<Item = Option<u32>>) {
+    fn take(&mut self, body: &Body, period: f64, sites: &[Option<Footprint>]) {
         let nodes = body.state.x.len();
         if (self.epoch, self.period, self.nodes) != (body.epoch(), period, nodes) {
             (self.epoch, self.period, self.nodes) = (body.epoch(), period, nodes);
@@ -161,12 +183,15 @@ impl SiteCompliance {
             self.shapes.clear();
             self.shapes
                 .resize(3 * self.sites.len() * nodes, Vec3::zeros());
-            self.sites.fill(Site::default());
+            self.sites.fill_with(Site::default);
         }
-        let sites = sites.chain(core::iter::repeat(None));
-        for (place, node) in (0..self.sites.len()).zip(sites) {
-            if self.sites[place].node != node {
-                self.sites[place] = Site { node, state: None };
+        for place in 0..self.sites.len() {
+            let site = sites.get(place).and_then(Option::as_ref);
+            let node = site.map(|site| site.node);
+            let own = &mut self.sites[place];
+            if own.node != node {
+                (own.node, own.state) = (node, None);
+                own.weights.clear();
                 self.shapes[3 * place * nodes..3 * (place + 1) * nodes].fill(Vec3::zeros());
                 for column in 3 * place..3 * place + 3 {
                     self.clear(column);
@@ -189,16 +214,20 @@ impl SiteCompliance {
         &mut self,
         stepper: &mut Stepper<T>,
         body: &Body,
-        place: usize,
+        (place, sites): (usize, &[Option<Footprint>]),
         options: &ShapeOptions,
         report: &mut ShapeReport,
     ) {
-        let Site { node, state } = self.sites[place];
-        self.sites[place].state = Some(stepper.elements.count);
-        let Some(node) = node.filter(|node| stepper.is_free(*node)) else {
+        let site = &mut self.sites[place];
+        let is_new = site.state.replace(stepper.elements.count).is_none();
+        site.weights.clear();
+        let given = sites.get(place).and_then(Option::as_ref);
+        let weights = given.map_or(&[][..], |given| &given.weights);
+        (site.weights).extend(weights.iter().filter(|(node, _)| stepper.is_free(*node)));
+        if site.weights.is_empty() {
             return;
-        };
-        let max_iterations = if state.is_none() {
+        }
+        let max_iterations = if is_new {
             options.max_iterations.max(FIRST_ITERATIONS)
         } else {
             options.max_iterations
@@ -213,7 +242,8 @@ impl SiteCompliance {
         };
         for column in 3 * place..3 * place + 3 {
             let shape = &mut self.shapes[column * self.nodes..(column + 1) * self.nodes];
-            let found = stepper.response_to(node, column % 3, self.factors, limits, shape);
+            let load = (&self.sites[place].weights[..], column % 3);
+            let found = stepper.response_to(load, self.factors, limits, shape);
             report.iterations += found.iterations;
             report.residual = report.residual.max(found.residual);
             report.renewed += 1;
@@ -226,11 +256,16 @@ impl SiteCompliance {
         let (nodes, mass) = (self.nodes, &body.model.mass);
         let shape = &self.shapes[column * nodes..(column + 1) * nodes];
         for (place, site) in self.sites.iter().enumerate() {
-            let Some(node) = site.node else { continue };
+            if site.weights.is_empty() {
+                continue;
+            }
             for axis in 0..3 {
                 let other = 3 * place + axis;
                 let its = &self.shapes[other * nodes..(other + 1) * nodes];
-                let value = shape[node as usize][axis];
+                let moved = site.weights.iter();
+                let value: f64 = moved
+                    .map(|(node, weight)| weight * shape[*node as usize][axis])
+                    .sum();
                 let product = weighted(shape, its, mass);
                 for at in [(column, other), (other, column)] {
                     (self.values[at], self.mass[at]) = (value, product);
@@ -394,11 +429,10 @@ fn substitute(factor: &Square, values: &mut Square, column: usize) {
 }
 
 impl<T: Precision> Stepper<T> {
-    /// The displacement of all nodes (m) by a force of 1 N on a node along an axis, from the `shape` before.
+    /// The displacement of all nodes (m) by a force of 1 N along an axis, spread over nodes by weights, from the `shape` before.
     fn response_to(
         &mut self,
-        node: u32,
-        axis: usize,
+        (weights, axis): (&[(u32, f64)], usize),
         factors: (f64, f64),
         limits: Limits,
         shape: &mut [Vec3],
@@ -410,7 +444,9 @@ impl<T: Precision> Stepper<T> {
             self.cg.residual[place] = to_node(&(u * (-mass_factor * self.places.mass[place])));
         }
         self.subtract_elements(stiffness_factor);
-        self.load(node, &Vec3::ith(axis, 1.0));
+        for (node, weight) in weights {
+            self.load(*node, &Vec3::ith(axis, *weight));
+        }
         let found = self.iterate(factors, limits, &mut || false);
         for place in self.places.taken() {
             shape[self.places.node[place] as usize] = to_vec(&self.cg.u[place]);

@@ -13,7 +13,7 @@ mod reduction;
 mod shapes;
 
 pub use around::{Around, Beside};
-pub use compliance::{SiteCompliance, resultant};
+pub use compliance::{Footprint, SiteCompliance, resultant};
 pub use condenser::Condenser;
 pub use reduction::Condensed;
 pub use shapes::{ShapeOptions, ShapeReport, Shapes};

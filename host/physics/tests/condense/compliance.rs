@@ -1,10 +1,10 @@
 //! The compliance of points of a surface is the inverse of the stiffness to which a body condenses onto them.
 
 use nalgebra::{SMatrix, SVector};
-use physics::mesh::TetMesh;
 use physics::mesh::generate_box::solid_box;
+use physics::mesh::{Cells, TetMesh};
 use physics::{
-    Body, BodyConfig, Border, Condenser, Freedom, HandlePose, HandleSpec, ShapeOptions,
+    Body, BodyConfig, Border, Condenser, Footprint, Freedom, HandlePose, HandleSpec, ShapeOptions,
     SiteCompliance, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
@@ -61,6 +61,21 @@ fn block(mesh: &TetMesh, is_held: bool, handles: &[u32]) -> Body {
     Body::solid(mesh, &[material], SolidLaw::Corotational, config, &specs).unwrap()
 }
 
+/// A light column that is held below, and whose sides do not bulge.
+fn column(mesh: &TetMesh) -> Body {
+    let specs = [spec(side(mesh, -1.0), Vec3::zeros(), Freedom::Fixed)];
+    let material = SolidMaterial {
+        young: 3e4,
+        poisson: 0.0,
+        density: 1.0,
+    };
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        ..BodyConfig::default()
+    };
+    Body::solid(mesh, &[material], SolidLaw::Corotational, config, &specs).unwrap()
+}
+
 /// Four vertices of the upper side, two of them neighbours.
 fn points(mesh: &TetMesh) -> [u32; 4] {
     let upper = side(mesh, 1.0);
@@ -74,6 +89,11 @@ fn sites(points: [u32; 4]) -> [Option<u32>; 5] {
 }
 
 fn compliance(body: &mut Body, sites: &[Option<u32>]) -> SiteCompliance {
+    let sites: Vec<_> = sites.iter().map(|site| site.map(Footprint::of)).collect();
+    spread(body, &sites)
+}
+
+fn spread(body: &mut Body, sites: &[Option<Footprint>]) -> SiteCompliance {
     let mut stepper = Stepper::<f64>::new(body, StepperOptions::default()).unwrap();
     let targets: Vec<HandlePose> = (0..body.handle_count())
         .map(|_| HandlePose::at(Vec3::zeros()))
@@ -85,7 +105,6 @@ fn compliance(body: &mut Body, sites: &[Option<u32>]) -> SiteCompliance {
         ..ShapeOptions::default()
     };
     let mut found = SiteCompliance::new(sites.len());
-    let sites = sites.iter().copied();
     found
         .renew(&mut stepper, body, PERIOD, sites, &options)
         .unwrap();
@@ -119,6 +138,45 @@ fn the_compliance_is_the_inverse_of_the_condensed_stiffness() {
     assert!(left.amax() < 1e-6, "{:e}", left.amax());
     // The empty place has none.
     assert_eq!(found.between(1, 1).norm() + found.between(1, 2).norm(), 0.0);
+}
+
+/// A force that is spread over the upper side as a pressure is, compresses a column whose sides do not bulge by `F h / (E A)`.
+#[test]
+fn a_spread_force_has_the_compliance_of_its_area() {
+    let mesh = mesh();
+    let top = side(&mesh, 1.0);
+    let mut weights: Vec<(u32, f64)> = top.iter().map(|vertex| (*vertex, 0.0)).collect();
+    let Cells::Linear(cells) = &mesh.cells else {
+        panic!("a box of linear cells");
+    };
+    let faces = cells.iter().filter_map(|tet| {
+        let here: Vec<u32> = tet.iter().copied().filter(|v| top.contains(v)).collect();
+        <[u32; 3]>::try_from(here).ok()
+    });
+    for face in faces {
+        let [a, b, c] = face.map(|vertex| mesh.positions[vertex as usize]);
+        let area = 0.5 * (b - a).cross(&(c - a)).norm();
+        for (vertex, weight) in &mut weights {
+            if face.contains(vertex) {
+                *weight += area / 3.0 / (0.06 * 0.06);
+            }
+        }
+    }
+    let mut body = column(&mesh);
+    let found = spread(
+        &mut body,
+        &[Some(Footprint {
+            node: top[0],
+            weights,
+        })],
+    );
+    let expected = 0.03 / (3e4 * 0.06 * 0.06);
+    let error = found.between(0, 0)[(2, 2)] / expected - 1.0;
+    // The inertia of the column in a sixtieth of a second is taken out again, up to the iterations.
+    assert!(error.abs() < 1e-3, "{error:e}");
+    // A single node gives way much more.
+    let single = compliance(&mut body, &[Some(top[0])]);
+    assert!(single.between(0, 0)[(2, 2)] > 5.0 * expected);
 }
 
 #[test]
@@ -170,8 +228,8 @@ fn shapes_are_kept_while_nothing_changes_and_renewed_in_turn() {
     let mut found = SiteCompliance::new(3);
     let [a, b, c, d] = points(&mesh).map(Some);
     let mut renewed = |body: &Body, stepper: &mut Stepper<f64>, sites: [Option<u32>; 3]| {
-        let sites = sites.into_iter();
-        let report = found.renew(stepper, body, PERIOD, sites, &options);
+        let sites = sites.map(|site| site.map(Footprint::of));
+        let report = found.renew(stepper, body, PERIOD, &sites, &options);
         report.unwrap().renewed
     };
     assert_eq!(renewed(&body, &mut stepper, [a, b, c]), 9);

@@ -1,15 +1,12 @@
 //! A tool in the host: it moves along the path of its proxy, and the surface near it is published.
 //!
 //! To the bodies a tool is an obstacle that a hand moves. After a step that publishes, the tick is told the surface near the
-//! tool as a patch: material points (the **sites**), the triangles between them, the forces of the tool on them, and their
-//! compliance (`rt_core::tool` has the law by which the tick uses it).
-//!
-//! **Sites.** Where the surface near the tool has more vertices than a patch has sites, the sites are some of the vertices, the
-//! denser the nearer to the tool, and each other vertex belongs to the nearest site: its force counts at the site, and a triangle between three sites stands for
-//! those between their vertices (vertex clustering: Rossignac and Borrel, "Multi-resolution 3D approximations for rendering
-//! complex scenes", 1993). A vertex that was a site stays one while it is near.
+//! tool as a patch: material points (the **sites**, which [`sites`] chooses), the triangles between them ([`triangles`]), the forces of
+//! the tool on them, and their compliance (`rt_core::tool` has the law by which the tick uses it).
 
 mod near;
+mod sites;
+mod triangles;
 
 use super::body::HostBody;
 use super::hands::{CATCH_UP, shortened};
@@ -20,13 +17,14 @@ use crate::scene::spec::contact::FRICTION;
 use crate::scene::spec::{Host, Scene, Tool};
 use crate::world::World;
 use nalgebra::Isometry3;
-use near::{Around, Near, Surface, Vertex, Wall};
+use near::{Around, Surface, Vertex, Wall};
 use physics::contact::obstacle::TimedPose;
 use physics::contact::rounded::Rounded;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
 use physics::{Beside, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
-use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
+use rt_core::tool::{MAX_SITES, Patch};
 use rt_core::{Pose, TickRecord};
+use sites::Spread;
 use std::sync::Arc;
 
 /// The ways of the tool until the next patch, by which the surface is published beyond its radius.
@@ -35,14 +33,11 @@ pub(super) const REACH: f64 = 2.0;
 pub(super) const LEAST_REACH: f64 = 0.5;
 /// The speed (m/s) for which a tool at rest is told of the surface near it.
 pub(super) const LEAST_SPEED: f64 = 0.5;
-/// The distance between sites grows with the distance from the tool, by this slope (1) at least, and by as much more in each trial
-/// while there are too many.
-const LEAST_SLOPE: f64 = 0.1;
-const FURTHER: f64 = 1.1;
-/// The distance from the nearest site, as a fraction of the radius, within which sites are equally dense.
-const FINEST: f64 = 0.25;
 /// The fraction of the largest force of a site below which the site is not loaded.
 const LOADED: f64 = 1e-3;
+/// The force (N) of the device's stiffest spring at whose depth a tool that just touches has met all sites that count as loaded: a flat
+/// tool meets many of them at once.
+const SOON: f64 = 0.3;
 /// The stiffest spring (N/m) that any device renders, also one of unknown friction and damping.
 const STIFFEST: f64 = 3000.0;
 /// The residual of a shape (N), which a force of 1 N causes: the compliance is right to this fraction.
@@ -189,85 +184,26 @@ impl HostTool {
         }
         let speed = self.path.velocity().norm().max(LEAST_SPEED);
         let way = REACH * speed * self.spec.horizon;
+        let shape = Arc::clone(&self.spec.shape);
         let around = Around {
             obstacle: self.spec.obstacle,
-            shape: &self.spec.shape,
+            shape: &shape,
             centre: self.centre,
-            beyond: way.max(LEAST_REACH * self.spec.shape.radius()),
+            beyond: way.max(LEAST_REACH * shape.radius()),
             time: time_ns as f64 * 1e-9 + self.spec.horizon - 0.5 * self.spec.period,
         };
         self.surface.find(&around, &self.walls, contacts, bodies);
         self.surface.load(self.spec.obstacle, contacts);
-        self.choose();
+        let spread = Spread::of(&shape);
+        spread.choose(&mut self.surface.vertices, &mut self.slots);
         self.fill();
-        self.join();
+        triangles::join(&self.surface, &around, &mut self.patch);
         self.is_published = self.yield_of(bodies).is_some();
         if self.is_published {
             self.floor();
             let head = &mut self.patch.head;
             head.sequence += 1;
             (head.epoch, head.time_ns, head.period) = (epoch, time_ns, self.spec.period);
-        }
-    }
-
-    /// Chooses the sites among the vertices near the tool, and the site of each other vertex.
-    fn choose(&mut self) {
-        let slots = self.slots;
-        let is_kept = |near: &Near| slots.contains(&Some(near.vertex));
-        let mut order: Vec<usize> = (0..self.surface.vertices.len()).collect();
-        order.sort_by(|a, b| {
-            let [a, b] = [*a, *b].map(|at| &self.surface.vertices[at]);
-            let by_kept = is_kept(b).cmp(&is_kept(a));
-            by_kept.then(a.distance.total_cmp(&b.distance))
-        });
-        let each = self.surface.vertices.iter().map(|near| near.distance);
-        let nearest = each.fold(f64::INFINITY, f64::min);
-        let mut slope = 0.0;
-        let mut sites: Vec<usize> = Vec::new();
-        loop {
-            sites.clear();
-            for at in &order {
-                // Each body near the tool has a site.
-                let near = &self.surface.vertices[*at];
-                let apart = slope * (near.distance - nearest + FINEST * self.spec.shape.radius());
-                let others = sites.iter().map(|site| &self.surface.vertices[*site]);
-                let mut others = others.filter(|other| other.vertex.side == near.vertex.side);
-                if others.all(|other| (other.place - near.place).norm() > apart) {
-                    sites.push(*at);
-                }
-            }
-            if sites.len() <= MAX_SITES {
-                break;
-            }
-            slope = (slope * FURTHER).max(LEAST_SLOPE);
-        }
-        // A vertex that was a site keeps its slot.
-        let mut slots = [None; MAX_SITES];
-        let mut of_slot = [None; MAX_SITES];
-        let mut new: Vec<usize> = Vec::new();
-        for site in sites {
-            let vertex = Some(self.surface.vertices[site].vertex);
-            match self.slots.iter().position(|slot| *slot == vertex) {
-                Some(slot) => (slots[slot], of_slot[slot]) = (vertex, Some(site)),
-                None => new.push(site),
-            }
-        }
-        for site in new {
-            if let Some(slot) = slots.iter().position(Option::is_none) {
-                (slots[slot], of_slot[slot]) =
-                    (Some(self.surface.vertices[site].vertex), Some(site));
-            }
-        }
-        self.slots = slots;
-        let centres = of_slot.map(|site| site.map(|site| self.surface.vertices[site]));
-        for near in &mut self.surface.vertices {
-            let each = centres.iter().enumerate();
-            let same = each.filter_map(|(slot, centre)| {
-                let centre = centre.filter(|centre| centre.vertex.side == near.vertex.side)?;
-                Some((slot, (centre.place - near.place).norm_squared()))
-            });
-            let nearest = same.min_by(|a, b| a.1.total_cmp(&b.1));
-            near.site = nearest.map_or(0, |(slot, _)| slot);
         }
     }
 
@@ -300,38 +236,6 @@ impl HostTool {
         }
     }
 
-    /// Fills the triangles of the patch: the nearest ones between three sites.
-    fn join(&mut self) {
-        let mut joined: heapless::Vec<[u8; 3], MAX_TRIANGLES> = heapless::Vec::new();
-        for triangle in &self.surface.triangles {
-            let [a, b, c] = triangle
-                .vertices
-                .map(|at| self.surface.vertices[at].site as u8);
-            if a == b || b == c || c == a {
-                continue;
-            }
-            // The same triangle begins at its least corner.
-            let corners = if a < b && a < c {
-                [a, b, c]
-            } else if b < c {
-                [b, c, a]
-            } else {
-                [c, a, b]
-            };
-            if !joined.contains(&corners) {
-                let number = joined.len();
-                if joined.push(corners).is_err() {
-                    break;
-                }
-                self.patch.head.triangles[number] = Triangle {
-                    corners,
-                    friction: triangle.friction,
-                };
-            }
-        }
-        self.patch.head.triangle_count = joined.len() as u8;
-    }
-
     /// The compliance and the damping of the sites; `None` if a body near the tool failed to step, or cannot be condensed.
     fn yield_of(&mut self, bodies: &mut [HostBody]) -> Option<()> {
         let options = ShapeOptions {
@@ -351,9 +255,9 @@ impl HostTool {
             }
             let room = &mut self.compliance[number];
             let compliance = room.get_or_insert_with(|| Box::new(SiteCompliance::new(MAX_SITES)));
-            let sites = self.slots.iter().map(|slot| on_body(slot).map(|v| v.node));
+            let footprints = self.surface.footprints(number, &self.slots);
             let Beside { body, stepper } = body.beside()?;
-            let renewed = compliance.renew(stepper, body, self.spec.period, sites, &options);
+            let renewed = compliance.renew(stepper, body, self.spec.period, &footprints, &options);
             renewed.ok()?;
             let head = &mut self.patch.head;
             head.damping = head.damping.max(compliance.damping());
@@ -398,7 +302,10 @@ impl HostTool {
         } else {
             let distance = |slot: &usize| apart(&sites[*slot].place).norm();
             loaded.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-            loaded.truncate(3);
+            let nearest = loaded.first().map_or(0.0, distance);
+            let soon = |slot: &usize| distance(slot) < nearest + SOON / self.spec.stiffest;
+            let count = loaded.iter().filter(|slot| soon(slot)).count();
+            loaded.truncate(count.max(3));
         }
         let between = |one: usize, other: usize| self.patch.compliance[loaded[one]][loaded[other]];
         let Some(stiffness) = resultant(loaded.len(), &between) else {

@@ -1,10 +1,10 @@
 //! The surface near a tool: the triangles of bodies and obstacles within reach, with their vertices.
 
 use crate::engine::body::HostBody;
-use physics::Vec3;
 use physics::contact::rounded::Rounded;
 use physics::contact::vicinity::Vicinity;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
+use physics::{Footprint, Vec3};
 use std::collections::HashMap;
 
 /// The bits of a vertex in its number. The others are for 72 sides.
@@ -38,7 +38,8 @@ pub(super) struct Near {
     pub velocity: Vec3,
     /// The sum of the normals of its triangles, by area.
     pub normal: Vec3,
-    /// Distance from the hull of the tool (m).
+    /// The nearest point of the hull of the tool, and its distance (m).
+    pub on_tool: Vec3,
     pub distance: f64,
     /// The distance at which the tool touches its surface (m).
     pub skin: f64,
@@ -142,12 +143,15 @@ impl Surface {
                     continue;
                 }
                 let own = corners.map(|corner| corner - centre);
-                let distance = around.shape.hull().distance(own.each_ref());
+                let near = around.shape.hull().nearest(own.each_ref());
+                let foot = own.iter().zip(near.weights);
+                let apart = near.point - foot.map(|(corner, weight)| corner * weight).sum::<Vec3>();
+                let distance = apart.norm();
                 if distance > reach {
                     continue;
                 }
                 // The triangles of a solid look outwards. A sheet has its normals on the side of the tool.
-                if !part.is_solid && (centre - a).dot(&(b - a).cross(&(c - a))) < 0.0 {
+                if !part.is_solid && apart.dot(&(b - a).cross(&(c - a))) < 0.0 {
                     nodes.swap(1, 2);
                     corners.swap(1, 2);
                 }
@@ -208,12 +212,15 @@ impl Surface {
         for (number, ((node, place), velocity)) in vertices.iter_mut().zip(each) {
             let vertex = Vertex { side, node: *node };
             *number = *self.places.entry(vertex).or_insert_with(|| {
+                let own = place - around.centre;
+                let on_tool = around.shape.hull().nearest_to(&own).point;
                 self.vertices.push(Near {
                     vertex,
                     place,
                     velocity,
                     normal: Vec3::zeros(),
-                    distance: around.shape.hull().distance([&(place - around.centre); 3]),
+                    on_tool: around.centre + on_tool,
+                    distance: (own - on_tool).norm(),
                     skin,
                     force: Vec3::zeros(),
                     site: 0,
@@ -227,6 +234,37 @@ impl Surface {
             vertices,
             friction,
         });
+    }
+
+    /// The footprints of the sites on a body: a site takes forces as its vertices have them at present, or at its own vertex while there
+    /// are none.
+    pub(super) fn footprints(
+        &self,
+        body: usize,
+        slots: &[Option<Vertex>],
+    ) -> Vec<Option<Footprint>> {
+        let each = slots.iter().enumerate();
+        let footprint = |(slot, site): (usize, &Option<Vertex>)| {
+            let site = site.filter(|site| site.side == Side::Body(body))?;
+            let own = self.vertices.iter();
+            let own = own.filter(|near| near.site == slot && near.vertex.side == site.side);
+            let mut weights: Vec<(u32, f64)> = (own.filter(|near| near.force != Vec3::zeros()))
+                .map(|near| (near.vertex.node, near.force.norm()))
+                .collect();
+            let whole: f64 = weights.iter().map(|(_, force)| force).sum();
+            for (_, weight) in &mut weights {
+                *weight /= whole;
+            }
+            Some(if weights.is_empty() {
+                Footprint::of(site.node)
+            } else {
+                Footprint {
+                    node: site.node,
+                    weights,
+                }
+            })
+        };
+        each.map(footprint).collect()
     }
 
     /// Finds the forces of the tool on the vertices, from the contacts of the present step.
