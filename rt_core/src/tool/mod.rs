@@ -13,7 +13,8 @@
 //! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series.
 //!
 //! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
-//! within half a period. Forces therefore never jump.
+//! within half a period. A message of other sites can leave a contact without its place on the surface: the force of which this would
+//! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
 //!
 //! **Overlap.** If the surface comes to where the tool is, they part at a bounded speed ([`ToolConfig::parting`]).
 
@@ -49,6 +50,9 @@ const LINEARIZED: usize = 4;
 /// The ways of tool and surface in a tick, by which contacts are looked for beyond the radius.
 const REACH: f64 = 2.0;
 
+/// The change of the force (N) in the tick of a message, beyond that in the tick before, that is not carried: the jump of a message
+/// that no hand feels.
+const UNFELT: f64 = 0.05;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
 
@@ -178,8 +182,12 @@ pub struct Tool {
     proxy: Option<Vec3>,
     /// The offset of the proxy when the message came (m), which fades.
     offset: Vec3,
+    /// The force of contacts that went with the message (N), which fades.
+    carried: Vec3,
     fade: f64,
     fade_step: f64,
+    /// The change of the force in the last tick (N).
+    change: f64,
     has_room: bool,
     /// The sites without contact forces, without their offsets.
     bounds: Bounds,
@@ -211,8 +219,10 @@ impl Tool {
             contacts: Contacts::new(),
             proxy: None,
             offset: Vec3::zeros(),
+            carried: Vec3::zeros(),
             fade: 0.0,
             fade_step: 0.0,
+            change: 0.0,
             has_room: true,
             bounds: Bounds::NONE,
             most_offset: 0.0,
@@ -251,18 +261,31 @@ impl Tool {
 
     /// One tick with the hand at a place (m). Returns the force on the hand (N).
     pub fn tick(&mut self, hand: &Vec3) -> Vec3 {
+        let was = self.force();
+        let is_carried = self.is_pending && !self.contacts.is_empty();
         if self.is_pending {
             self.is_pending = false;
             self.come_back();
             self.switch();
         }
+        self.move_to(hand);
+        if is_carried {
+            self.carry(was - self.contact_force());
+        }
+        let force = self.force();
+        self.change = (force - was).norm();
+        force
+    }
+
+    /// Moves the hand to a place (m).
+    fn move_to(&mut self, hand: &Vec3) {
         let fade = (self.fade - self.fade_step).max(0.0);
         let before = self.proxy.unwrap_or(*hand);
         let centre = hand + self.offset * fade;
         if self.contacts.is_empty() && self.is_away_from(&centre, &before) {
             (self.fade, self.proxy) = (fade, Some(centre));
             self.is_away = true;
-            return Vec3::zeros();
+            return;
         }
         self.come_back();
         self.fade = fade;
@@ -270,7 +293,7 @@ impl Tool {
         let fraction = 1.0 / (1.0 + self.relaxation.gain);
         let (mut proxy, mut places) = (before, self.places);
         // Where the tool would be if the forces of the last tick stayed.
-        let held = centre + self.patch.head.floor * self.force();
+        let held = centre + self.patch.head.floor * self.contact_force();
         let lengths = Lengths {
             radius: self.config.radius,
             reach: REACH * ((held - before).norm() + self.most_motion(&free)),
@@ -308,7 +331,7 @@ impl Tool {
                 is_rigid: self.is_rigid,
             };
             self.has_room = solve(&mut self.contacts, &yielding, self.config.radius);
-            proxy = centre + self.patch.head.floor * self.force();
+            proxy = centre + self.patch.head.floor * self.contact_force();
             places = self.loaded(&free, &loads(&self.contacts), fraction);
         }
         let now = Places {
@@ -319,18 +342,32 @@ impl Tool {
         settle(&mut self.contacts, &now);
         self.relax(&places);
         (self.proxy, self.places) = (Some(proxy), places);
-        let force = self.force();
-        let sum = places.iter().fold(proxy + force, |sum, place| sum + place);
-        if sum.iter().all(|x| x.is_finite()) {
-            force
-        } else {
+        let start = proxy + self.force();
+        let sum = places.iter().fold(start, |sum, place| sum + place);
+        if !sum.iter().all(|x| x.is_finite()) {
             self.begin_again();
-            Vec3::zeros()
         }
+    }
+
+    /// Carries the force of which a message has deprived the hand (N), beyond what no hand feels.
+    fn carry(&mut self, missing: Vec3) {
+        let unfelt = UNFELT + self.change;
+        let part = 1.0 - unfelt / missing.norm();
+        // The force fades from this tick on.
+        self.carried = if part > 0.0 && self.fade > 0.0 {
+            missing * (part / self.fade)
+        } else {
+            Vec3::zeros()
+        };
     }
 
     /// The force on the hand (N).
     pub fn force(&self) -> Vec3 {
+        self.contact_force() + self.carried * self.fade
+    }
+
+    /// The force of the contacts (N).
+    fn contact_force(&self) -> Vec3 {
         let forces = self.contacts.iter().map(Contact::force);
         forces.fold(Vec3::zeros(), |sum, force| sum + force)
     }
@@ -340,7 +377,7 @@ impl Tool {
         if self.contacts.is_empty() {
             return 0.0;
         }
-        let force = self.force();
+        let force = self.contact_force();
         let mut sum = force.dot(&(self.patch.head.floor * force));
         for (load, state) in loads(&self.contacts).iter().zip(&self.sites) {
             // `W f - r`: the displacement by the contact forces, without the part that relaxes.
@@ -386,6 +423,7 @@ impl Tool {
     fn begin_again(&mut self) {
         self.contacts.clear();
         (self.proxy, self.offset) = (None, Vec3::zeros());
+        (self.carried, self.change) = (Vec3::zeros(), 0.0);
         let each = self.sites.iter_mut().zip(&mut self.places);
         for ((state, place), site) in each.zip(&self.patch.sites) {
             *state = SiteState {
@@ -455,7 +493,8 @@ impl Tool {
             }
         }
         self.contacts = contacts;
-        let offset = self.offset * self.fade + (old.floor - new.floor) * self.force();
+        let offset = self.offset * self.fade + (old.floor - new.floor) * self.contact_force();
+        self.carried *= self.fade;
         self.patch.copy_used_from(&self.pending);
         self.offset = if before > 0 { offset } else { Vec3::zeros() };
         self.relaxation = self.relaxation();

@@ -320,12 +320,12 @@ fn a_contact_leaves_a_triangle_that_the_surface_has_no_longer() {
     let triangles: Vec<Triangle> = triangles.collect();
     first.head.triangle_count = 4;
     first.head.triangles[..4].copy_from_slice(&triangles);
-    first.head.sequence = 2;
+    (first.head.sequence, first.head.period) = (2, 0.016);
     tool.accept(&first).unwrap();
     for _ in 0..200 {
         tool.tick(&hand);
     }
-    // Over the funnel, the tool is free.
+    // Over the funnel, the tool is free, once the force of the former triangles has faded.
     assert!(tool.force().norm() < 1e-9, "{}", tool.force());
 }
 
@@ -662,4 +662,46 @@ fn overflow(good: &Patch, is_smooth: bool) {
         );
         assert_eq!(tool.sequence(), 4);
     }
+}
+
+/// A message has other points than the one before it, at which the surface is lower: the force goes over to that of the new surface
+/// within half a period, without a jump.
+#[test]
+fn a_message_of_other_points_lets_the_force_go_over() {
+    let (mut kept, mut lower) = (
+        pad(4e-3, 1.0 / 800.0, 3e-3, 0.0),
+        pad(4e-3, 1.0 / 800.0, 3e-3, 0.0),
+    );
+    (kept.head.period, lower.head.period) = (0.016, 0.016);
+    (lower.head.sequence, lower.head.time_ns) = (2, 1);
+    for site in lower
+        .sites
+        .iter_mut()
+        .take(usize::from(lower.head.site_count))
+    {
+        site.vertex += 100;
+        site.place.z -= 0.5e-3;
+    }
+    let (mut before, mut after) = (ball(8e-3), ball(8e-3));
+    before.accept(&kept).unwrap();
+    lower.head.sequence = 1;
+    after.accept(&lower).unwrap();
+    lower.head.sequence = 2;
+    let hand = |tick: usize| Vec3::z() * (8e-3 - 2e-3 * (tick as f64 / 100.0).min(1.0));
+    let mut forces = Vec::new();
+    for tick in 0..300 {
+        if tick == 200 {
+            before.accept(&lower).unwrap();
+        }
+        forces.push(before.tick(&hand(tick)).z);
+        after.tick(&hand(tick));
+    }
+    let whole = forces[199] - after.force().z;
+    assert!(whole > 0.3, "{whole}");
+    for tick in 200..300 {
+        let change = (forces[tick] - forces[tick - 1]).abs();
+        // An eighth of the change in each tick of half a period.
+        assert!(change < 0.05 + 0.2 * whole, "{tick}: {change} of {whole}");
+    }
+    assert!((forces[299] - after.force().z).abs() < 0.02 * after.force().z);
 }
