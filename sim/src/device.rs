@@ -293,6 +293,10 @@ impl SimDevice {
             self.dynamics.step(step as f64 * 1e-9, &self.force, &wanted);
             if let Some(rotation) = &mut self.rotation {
                 let moment = rotation.moment;
+                let turned = self.aim.as_ref();
+                if let Some(turned) = turned.and_then(|aim| aim.turned(self.moved_ns)) {
+                    rotation.turning.aim_at(turned);
+                }
                 rotation.turning.step(step as f64 * 1e-9, &moment);
             }
         }

@@ -9,6 +9,7 @@ use crate::arm::{Arm, Wrist};
 use crate::curve::{Knot, hermite};
 use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
+use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
 
 /// A button that a hand holds down for a time.
@@ -41,10 +42,12 @@ pub struct Press {
 pub struct Hand {
     /// The arm's impedance at the handle.
     pub arm: Arm,
-    /// The wrist's impedance at the handle. The hand keeps aiming at the orientation at the start.
+    /// The wrist's impedance at the handle.
     pub wrist: Wrist,
     /// The aim of the hand over time.
     pub trajectory: Trajectory,
+    /// The rotation vector (rad) of the orientation at which the wrist aims over time; `None`: the orientation at the start.
+    pub turns: Option<Trajectory>,
     /// The tremor, if there is any.
     pub tremor: Option<Tremor>,
     /// The buttons that the hand presses.
@@ -61,6 +64,7 @@ impl Hand {
             arm: Arm::TYPICAL,
             wrist: Wrist::default(),
             trajectory,
+            turns: None,
             tremor: None,
             presses: Vec::new(),
             opening: None,
@@ -75,6 +79,14 @@ impl Hand {
     /// The same hand with another wrist.
     pub fn with_wrist(self, wrist: Wrist) -> Self {
         Self { wrist, ..self }
+    }
+
+    /// The same hand, which turns the handle: the trajectory of a rotation vector (rad).
+    pub fn with_turns(self, turns: Trajectory) -> Self {
+        Self {
+            turns: Some(turns),
+            ..self
+        }
     }
 
     /// The same hand with a tremor.
@@ -196,6 +208,13 @@ impl Aim {
     fn renew(&mut self) {
         let knot = |ms: u64| self.hand.aim(ms as f64 * 1e-3);
         (self.from, self.to) = (knot(self.at_ms), knot(self.at_ms + 1));
+    }
+
+    /// The orientation at which the wrist aims at `time_ns`; `None` for that at the start.
+    pub(crate) fn turned(&self, time_ns: u64) -> Option<UnitQuaternion<f64>> {
+        let turns = self.hand.turns.as_ref()?;
+        let time = self.hand.own(time_ns as f64 * 1e-9).max(0.0);
+        Some(UnitQuaternion::from_scaled_axis(turns.at(time).0))
     }
 
     /// Displacement (m) at `time_ns`.

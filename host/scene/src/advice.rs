@@ -192,6 +192,7 @@ const TABLES: [(&str, &[&str]); 17] = [
             "tremor",
             "task",
             "waypoints",
+            "turns",
             "sines",
             "presses",
             "recording",

@@ -479,9 +479,38 @@ fn check_held(at: &str, device: &Device) -> Check {
 }
 
 fn check_hand(at: &str, hand: &Hand) -> Check {
+    check_rows(&format!("{at}.waypoints"), &hand.waypoints)?;
+    check_rows(&format!("{at}.turns"), &hand.turns)?;
+    for (index, [_, x, y, z]) in hand.turns.iter().enumerate() {
+        let angle = x.hypot(*y).hypot(*z);
+        require(
+            angle <= std::f64::consts::PI,
+            &format!("{at}.turns[{index}]"),
+            format!("an angle of {angle:.2} rad"),
+            "half a turn from the start at most; angles are in rad",
+        )?;
+    }
+    for (index, press) in hand.presses.iter().enumerate() {
+        let allowed = format!("a time after {:?}", press.from);
+        let field = format!("{at}.presses[{index}].to");
+        require(
+            press.to > press.from,
+            &field,
+            format!("{:?}", press.to),
+            allowed,
+        )?;
+    }
+    check_task(at, hand)?;
+    hand.recording
+        .iter()
+        .try_for_each(|file| file_name(&format!("{at}.recording"), file))
+}
+
+/// Checks the times of rows, and that the first row is the start.
+fn check_rows(at: &str, rows: &[[f64; 4]]) -> Check {
     let mut last = None;
-    for (index, row) in hand.waypoints.iter().enumerate() {
-        let (field, time) = (format!("{at}.waypoints[{index}]"), row[0]);
+    for (index, row) in rows.iter().enumerate() {
+        let (field, time) = (format!("{at}[{index}]"), row[0]);
         let found = format!("time {time:?}");
         match last {
             None => {
@@ -498,20 +527,7 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         }
         last = Some(time);
     }
-    for (index, press) in hand.presses.iter().enumerate() {
-        let allowed = format!("a time after {:?}", press.from);
-        let field = format!("{at}.presses[{index}].to");
-        require(
-            press.to > press.from,
-            &field,
-            format!("{:?}", press.to),
-            allowed,
-        )?;
-    }
-    check_task(at, hand)?;
-    hand.recording
-        .iter()
-        .try_for_each(|file| file_name(&format!("{at}.recording"), file))
+    Ok(())
 }
 
 /// Checks that a task has a direction, and that the hand has no field that its task does not use.

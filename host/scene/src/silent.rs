@@ -15,7 +15,7 @@ use sim::DeviceModel;
 /// The warnings about parts of `scene` that have no effect.
 ///
 /// # Errors
-/// [`SceneError::Value`] for waypoints without a component along the axes of the device.
+/// [`SceneError::Value`] for waypoints without a component along the axes of the device, and for turns of a device that does not turn.
 pub(super) fn check(
     scene: &Scene,
     source: &Source,
@@ -45,13 +45,15 @@ pub(super) fn check(
         }
         let Some(hand) = &device.hand else { continue };
         across(&format!("device[{index}].hand"), hand, model, source)?;
-        if let Some((row, from)) = first_after(scene.duration, &hand.waypoints) {
-            warn(
-                &format!("device[{index}].hand.waypoints[{row}]"),
-                format!("a motion that begins at {from} s"),
-                &format!("before the end at {} s", scene.duration),
-                "are the times in milliseconds? times are in seconds; `duration` is the length of the scene",
-            );
+        for (name, rows) in [("waypoints", &hand.waypoints), ("turns", &hand.turns)] {
+            if let Some((row, from)) = first_after(scene.duration, rows) {
+                warn(
+                    &format!("device[{index}].hand.{name}[{row}]"),
+                    format!("a motion that begins at {from} s"),
+                    &format!("before the end at {} s", scene.duration),
+                    "are the times in milliseconds? times are in seconds; `duration` is the length of the scene",
+                );
+            }
         }
     }
     let arrival = 1.0 / scene.host.publish_rate + scene.host.latency;
@@ -98,17 +100,23 @@ pub(super) fn weaker(scene: &Scene, source: &Source, profiles: &[DeviceFile]) ->
     weaker.collect()
 }
 
-/// The first row of `waypoints` whose motion begins at or after `end` (s), and the time at which it begins (s).
-fn first_after(end: f64, waypoints: &[[f64; 4]]) -> Option<(usize, f64)> {
-    let moves = waypoints.windows(2).enumerate().find(|(_, pair)| {
+/// The first of the `rows` whose motion begins at or after `end` (s), and the time at which it begins (s).
+fn first_after(end: f64, rows: &[[f64; 4]]) -> Option<(usize, f64)> {
+    let moves = rows.windows(2).enumerate().find(|(_, pair)| {
         let [[from, at @ ..], [_, to @ ..]] = [pair[0], pair[1]];
         from >= end && at != to
     });
     moves.map(|(row, pair)| (row + 1, pair[0][0]))
 }
 
-/// Refuses waypoints without a part along the axes of the device: the mechanism carries the force, and nothing moves.
+/// Refuses waypoints without a part along the axes of the device, and turns of a device that does not turn: the mechanism carries the force, and
+/// nothing moves.
 fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result<(), SceneError> {
+    if !hand.turns.is_empty() && model.rotation.is_none() {
+        let found = "a device that does not turn";
+        let allowed = "no such field: only a hand on a device whose model has `rotation` turns it";
+        return Err(source.error(&format!("{at}.turns"), found, allowed));
+    }
     let Some(axes) = model.axes else {
         return Ok(());
     };
@@ -204,6 +212,10 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
         assert!(error.to_string().starts_with(said), "{error}");
         let along = text.replace("0, 0, -0.01]", "0.01, 0, -0.01]");
         assert!(Scene::load_texts("a.toml", &along, &files).is_ok());
+        let turned = along.replace("hand.waypoints", "hand.turns");
+        let error = Scene::load_texts("a.toml", &turned, &files).expect_err("no rotation");
+        let said = "a.toml:12: device[0].hand.turns: found a device that does not turn, allowed: no such field";
+        assert!(error.to_string().starts_with(said), "{error}");
         // A motion that the end cuts, and a row after the end at which the hand rests, are no errors.
         for change in [
             ("[0.5, 0, 0, -0.01]]", "[1.5, 0, 0, -0.01]]"),

@@ -41,13 +41,12 @@ pub(super) fn build(
         let path = task(spec, name).trajectory(seed);
         parts.push(path.map_err(|e| refuse(wrong_field(&e), &e))?);
     }
+    let along = |rows: &[[f64; 4]], field: &str| {
+        let points = rows.iter().map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)));
+        Trajectory::new_waypoints(&points.collect::<Vec<_>>()).map_err(|e| refuse(field, &e))
+    };
     if !spec.waypoints.is_empty() {
-        let points: Vec<_> = spec
-            .waypoints
-            .iter()
-            .map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)))
-            .collect();
-        parts.push(Trajectory::new_waypoints(&points).map_err(|e| refuse("waypoints", &e))?);
+        parts.push(along(&spec.waypoints, "waypoints")?);
     }
     if !spec.sines.is_empty() {
         let sines: Vec<_> = spec
@@ -71,10 +70,13 @@ pub(super) fn build(
         from: press.from,
         to: press.to,
     });
-    let hand = Hand::new(Trajectory::new_sum(parts))
+    let mut hand = Hand::new(Trajectory::new_sum(parts))
         .with_presses(presses.collect())
         .with_arm(spec.arm())
         .with_wrist(spec.wrist());
+    if !spec.turns.is_empty() {
+        hand = hand.with_turns(along(&spec.turns, "turns")?);
+    }
     if spec.tremor > 0.0 {
         let tremor = Tremor::new(spec.tremor, own).map_err(|e| refuse("tremor", &e))?;
         return Ok(Some(hand.with_tremor(tremor)));

@@ -232,6 +232,12 @@ hand = {}
   -> hand = [1]
   x.toml:39: device[0].hand: found [1], allowed: a table, such as hand = { grip = "typical" }
 hand = {}
+  -> hand.turns = [[0, 0, 0, 0], [1, 0, 4, 0]]
+  x.toml:39: device[0].hand.turns[1]: found an angle of 4.00 rad, allowed: half a turn from the start at most; angles are in rad
+hand = {}
+  -> hand.turns = [[0, 0, 0, 0], [1, 0, 1, 0], [1, 0, 0, 0]]
+  x.toml:39: device[0].hand.turns[2]: found time 1.0, allowed: a time after 1.0
+hand = {}
   -> hand.waypoints = 1
   x.toml:39: device[0].hand.waypoints: found 1, allowed: a list, such as waypoints = [[0, 0, 0, 0], [1, 0, 0, -0.02]], rows of time, x, y, z
 sines = [{
@@ -333,7 +339,7 @@ hand = {}
   x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` suffices)
 hand = {}
   -> hand.weight = 2
-  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `presses`, `recording`
+  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `turns`, `sines`, `presses`, `recording`
 "#,
     );
 }

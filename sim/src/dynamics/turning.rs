@@ -7,8 +7,9 @@
 //! J w' = m - (b + b_w) w - 2 k q_v - t_c w / |w|,     q' = w q / 2
 //! ```
 //!
-//! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential
-//! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
+//! `q` is the orientation seen from the aim of the hand, to which the wrist's spring pulls back. While the aim stays, as it does within a
+//! step, `q` obeys the same equation as the orientation; where the aim turns, the muscles give the change of the potential. That potential,
+//! `4 k (1 - q_0)`, is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
 //! 5 % below at 63 degrees. The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let
 //! `q_1 - q_0 = h u q_m / 2` with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly
 //! `2 k q_m,v . u h`, the work of the mean moment. This [`MechanicalEnergy`] therefore closes up to rounding at any
@@ -39,6 +40,8 @@ pub(crate) struct Turning {
     damping: f64,
     friction: f64,
     wrist: Wrist,
+    /// The aim of the hand, and the orientation seen from it.
+    aim: UnitQuaternion<f64>,
     orientation: Quaternion<f64>,
     velocity: Vec3,
     energy: MechanicalEnergy,
@@ -60,6 +63,7 @@ impl Turning {
             damping: model.damping,
             friction: model.friction,
             wrist,
+            aim: UnitQuaternion::identity(),
             orientation: Quaternion::identity(),
             velocity: Vec3::zeros(),
             energy: MechanicalEnergy::default(),
@@ -67,7 +71,18 @@ impl Turning {
     }
 
     pub(crate) fn orientation(&self) -> UnitQuaternion<f64> {
-        Unit::new_unchecked(self.orientation)
+        Unit::new_unchecked(self.orientation) * self.aim
+    }
+
+    /// Turns the aim of the hand.
+    pub(crate) fn aim_at(&mut self, aim: UnitQuaternion<f64>) {
+        let orientation = self.orientation() * aim.inverse();
+        // The shorter way round.
+        let sign = 1.0_f64.copysign(orientation.w);
+        (self.aim, self.orientation) = (aim, orientation.into_inner() * sign);
+        let spring = 4.0 * self.wrist.stiffness * versine(&self.orientation);
+        self.energy.hand_work += spring - self.energy.spring;
+        self.energy.spring = spring;
     }
 
     pub(crate) fn velocity(&self) -> Vec3 {

@@ -50,6 +50,9 @@ pub struct Hand {
     /// Rows `[time, x, y, z]` joined by minimum-jerk segments (s, m from the start).
     #[serde(default, deserialize_with = "check::rows4")]
     pub waypoints: Vec<[f64; 4]>,
+    /// Rows `[time, x, y, z]` of rotation vectors of the handle, joined by minimum-jerk segments (s, rad from the start).
+    #[serde(default, deserialize_with = "check::rows4")]
+    pub turns: Vec<[f64; 4]>,
     /// Sinusoids of the trajectory.
     #[serde(default, deserialize_with = "check::tables")]
     pub sines: Vec<Sine>,

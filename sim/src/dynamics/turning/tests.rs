@@ -144,3 +144,27 @@ proptest! {
         prop_assert!(body.energy().residual().abs() < 1e-11 * throughput, "{}", body.energy().residual());
     }
 }
+
+/// A wrist whose aim turns leads the handle there. The muscles give what friction and dampers take.
+#[test]
+fn a_handle_follows_the_aim_of_its_wrist_and_its_energy_closes() {
+    let wrist = Wrist {
+        inertia: 1e-3,
+        damping: 0.05,
+        stiffness: 3.0,
+    };
+    let mut body = Turning::new(&model(1e-3, 0.005, 0.01), wrist);
+    let to = Vec3::new(0.8, -0.5, 1.2);
+    for step in 0..40_000 {
+        let part = (f64::from(step) / 20_000.0).min(1.0);
+        body.aim_at(UnitQuaternion::from_scaled_axis(to * part));
+        body.step(50e-6, &Vec3::zeros());
+        assert!(body.energy().residual().abs() < 1e-12);
+    }
+    let apart = body
+        .orientation()
+        .angle_to(&UnitQuaternion::from_scaled_axis(to));
+    // The angle at which the spring gives no more than friction.
+    assert!(apart <= 0.01 / 3.0 && body.velocity() == Vec3::zeros());
+    assert!(body.energy().hand_work > 0.0);
+}
