@@ -431,7 +431,7 @@ impl Controller {
                 age_ns: tool.age_ns(now_ns),
                 trust: tool.trust(),
                 proxy: tool.tool().proxy(),
-                force: tool.tool().force(),
+                wrench: tool.tool().wrench(),
                 withheld: tool.withheld(),
                 energy: EnergyAccount::default(),
             };

@@ -3,7 +3,7 @@
 //! Conventions: all quantities are in world axes; six-vectors and 6 x 6 matrices stack translation above rotation; a
 //! moment is about the origin of the moving handle.
 
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector4};
 
 /// A vector in three dimensions. The name of the variable tells the unit (m, m/s or N).
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -35,8 +35,13 @@ pub struct Pose {
 
 impl Pose {
     /// At the world's origin, unrotated.
-    pub fn identity() -> Self {
-        Self::at(Vec3::zeros())
+    pub const fn identity() -> Self {
+        Self {
+            position: Vec3::new(0.0, 0.0, 0.0),
+            rotation: Unit::new_unchecked(Quaternion::from_vector(Vector4::new(
+                0.0, 0.0, 0.0, 1.0,
+            ))),
+        }
     }
 
     /// At `position` (m), unrotated.
@@ -112,10 +117,10 @@ pub struct Wrench {
 
 impl Wrench {
     /// No force, no moment.
-    pub fn zero() -> Self {
+    pub const fn zero() -> Self {
         Self {
-            force: Vec3::zeros(),
-            moment: Vec3::zeros(),
+            force: Vec3::new(0.0, 0.0, 0.0),
+            moment: Vec3::new(0.0, 0.0, 0.0),
         }
     }
 

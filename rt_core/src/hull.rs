@@ -7,6 +7,7 @@
 
 use crate::geometry::Vec3;
 use crate::nearest::weights;
+use nalgebra::UnitQuaternion;
 
 /// Largest number of corners of a hull.
 pub const MAX_CORNERS: usize = 32;
@@ -90,6 +91,17 @@ impl Hull {
     pub fn corners(&self) -> &[Vec3] {
         let count = usize::from(self.count);
         self.corners.get(..count).unwrap_or(&self.corners)
+    }
+
+    /// The hull, turned about its origin.
+    #[must_use]
+    pub fn turned(&self, rotation: &UnitQuaternion<f64>) -> Self {
+        let mut turned = *self;
+        let turn = rotation.to_rotation_matrix();
+        for corner in turned.corners.iter_mut().take(usize::from(self.count)) {
+            *corner = turn * *corner;
+        }
+        turned
     }
 
     /// The largest distance of a corner from the origin (m).

@@ -21,8 +21,8 @@ pub struct TickRecord {
     pub proxies: [(Pose, Twist); MAX_DEVICES],
     /// Buttons, by device, one bit each.
     pub buttons: [u32; MAX_DEVICES],
-    /// The place of the tool on the surface (m, scene), by device; `None` for a device without a tool.
-    pub tools: [Option<Vec3>; MAX_DEVICES],
+    /// The pose of the tool on the surface (scene), by device; `None` for a device without a tool.
+    pub tools: [Option<Pose>; MAX_DEVICES],
 }
 
 impl TickRecord {
@@ -128,10 +128,10 @@ pub struct ToolTelemetry {
     pub age_ns: u64,
     /// Trust in the patch, from zero (safe hold) to one.
     pub trust: f64,
-    /// The place of the tool on the surface (m, scene).
-    pub proxy: Vec3,
-    /// The force of the surface on the tool (N), before the cap and the trust.
-    pub force: Vec3,
+    /// The pose of the tool on the surface (scene).
+    pub proxy: Pose,
+    /// The wrench of the surface on the tool, before the cap and the trust, the moment about the place of the tool.
+    pub wrench: Wrench,
     /// The part of the force that the cap withholds.
     pub withheld: Withheld,
     /// Energy account of the hand since the start.
@@ -148,13 +148,16 @@ impl ToolTelemetry {
             sequence: 0,
             age_ns: 0,
             trust: 0.0,
-            proxy: Vec3::new(0.0, 0.0, 0.0),
-            force: Vec3::new(0.0, 0.0, 0.0),
+            proxy: Pose::identity(),
+            wrench: Wrench::zero(),
             withheld: Withheld::NONE,
             energy: EnergyAccount::NONE,
         }
     }
 }
+
+/// Copied at once: a tick has a record, also without tools.
+const NO_TOOLS: [ToolTelemetry; MAX_DEVICES] = [ToolTelemetry::empty(); MAX_DEVICES];
 
 /// Everything about one tick that the log keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,7 +203,7 @@ impl Telemetry {
             body_count: 0,
             bodies: [body; MAX_BODIES],
             tool_count: 0,
-            tools: [const { ToolTelemetry::empty() }; MAX_DEVICES],
+            tools: NO_TOOLS,
         }
     }
 

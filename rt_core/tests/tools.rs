@@ -7,6 +7,7 @@
     clippy::disallowed_types
 )]
 
+use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::{CouplingConfig, HostState};
@@ -31,6 +32,7 @@ fn tool() -> ToolCouplingConfig {
     ToolCouplingConfig {
         tool: ToolConfig {
             hull: Hull::POINT,
+            turns: false,
             radius: RADIUS,
             period: PERIOD,
             stiffest: STIFFEST,
@@ -96,6 +98,8 @@ fn floor(height: f64, stiffness: f64, number: u64) -> Patch {
 struct Run {
     controller: Controller,
     number: u64,
+    /// The rotation vector of the hands (rad).
+    turn: Vec3,
 }
 
 impl Run {
@@ -104,6 +108,7 @@ impl Run {
         Self {
             controller,
             number: 0,
+            turn: Vec3::zeros(),
         }
     }
 
@@ -112,7 +117,7 @@ impl Run {
         let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
         for (reading, (place, velocity)) in readings.iter_mut().zip(hands) {
             *reading = Ok(DeviceState {
-                pose: Pose::at(*place),
+                pose: self.pose(*place),
                 twist: Twist {
                     linear: *velocity,
                     angular: Vec3::zeros(),
@@ -122,6 +127,14 @@ impl Run {
         }
         self.number += 1;
         self.controller.tick(self.number * TICK_NS, &readings)
+    }
+
+    /// A hand at a place.
+    fn pose(&self, place: Vec3) -> Pose {
+        Pose {
+            rotation: UnitQuaternion::from_scaled_axis(self.turn),
+            ..Pose::at(place)
+        }
     }
 
     /// Hands over a floor that is as old as this number of ticks.
@@ -226,7 +239,7 @@ fn a_patch_that_ages_fades_the_force_and_a_new_one_brings_it_back_without_a_jump
             // The law goes on: only what is rendered has faded.
             550 => {
                 assert_eq!((force, record.trust), (0.0, 0.0));
-                assert!((record.force.z - 1.0).abs() < 1e-6);
+                assert!((record.wrench.force.z - 1.0).abs() < 1e-6);
             }
             _ => {}
         }
@@ -395,8 +408,8 @@ fn the_force_of_a_tool_adds_to_that_of_a_held_body_and_a_limit_reduces_both() {
         let place = record.tools[0].expect("the device has a tool");
         // The proxy is where the floor yields to: 2 mm deep.
         assert!(
-            (place - Vec3::z() * (RADIUS - 2e-3)).norm() < 1e-6,
-            "{place}"
+            (place.position - Vec3::z() * (RADIUS - 2e-3)).norm() < 1e-6,
+            "{place:?}"
         );
         assert_eq!(record.tools[1], None);
     }
@@ -412,10 +425,18 @@ proptest! {
         reach in 0.2e-3..8e-3_f64,
         softness in prop_oneof![Just(0.0), 1e-4..1e-2_f64],
         friction in 0.0..1.0_f64,
+        turns in any::<bool>(),
     ) {
-        let mut run = Run::new(&config(1, &[0]));
-        let (mut supplied, mut last, mut force) = (0.0, None::<Vec3>, Vec3::zeros());
-        let mut most = 0.0_f64;
+        let mut config = config(1, &[0]);
+        if turns {
+            config.devices[0].safety.actuated = Freedom::Six;
+            let plate = [[0.02, 0.01], [-0.02, 0.01], [-0.02, -0.01], [0.02, -0.01]];
+            let tool = &mut config.tools[0].as_mut().unwrap().tool;
+            tool.hull = Hull::new(&plate.map(|[x, y]| Vec3::new(x, y, 0.0))).unwrap();
+            tool.turns = true;
+        }
+        let mut run = Run::new(&config);
+        let (mut supplied, mut last, mut wrench) = (0.0, None::<Pose>, Wrench::zero());
         for number in 0..640_u64 {
             if number % 16 == 0 {
                 let at = number as usize / 16 * 8;
@@ -424,6 +445,7 @@ proptest! {
                 patch.head.damping = 0.02 * n[1].abs();
                 patch.head.triangles[0].friction = friction;
                 patch.head.floor.fill_diagonal(n[2].abs() / STIFFEST);
+                patch.head.turning_floor.fill_diagonal(n[3].abs() / 5.0);
                 for (site, n) in patch.sites.iter_mut().zip(n.windows(3)) {
                     *site = Site {
                         vertex: u32::from(n[0] > 0.5),
@@ -446,14 +468,18 @@ proptest! {
                 reach * (1.3 * turn).cos(),
                 RADIUS + reach * turn.cos(),
             );
-            if let Some(last) = last.replace(hand) {
-                supplied -= force.dot(&(hand - last));
+            if turns {
+                run.turn = Vec3::new((0.9 * turn).sin(), (1.1 * turn).cos(), turn.sin()) * 0.2;
+            }
+            let pose = run.pose(hand);
+            if let Some(last) = last.replace(pose) {
+                supplied -= wrench.stacked().dot(&pose.displacement_from(&last));
             }
             let velocity = Vec3::z() * (-reach * turn.sin() * turn / time.max(PERIOD));
             let (commands, _) = run.tick(&[(hand, velocity)]);
-            force = commands[0].force;
-            most = most.max(force.norm());
-            prop_assert!(force.iter().all(|x| x.is_finite()), "{force}");
+            wrench = commands[0];
+            prop_assert!(wrench.is_finite(), "{wrench:?}");
+            prop_assert!(turns || wrench.moment == Vec3::zeros());
             prop_assert!(supplied > -1e-3, "{number}: {supplied:e}");
         }
         let tool = run.controller.tools().next().unwrap();

@@ -102,3 +102,5 @@ pub use team::{Alone, Team};
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A 3 x 3 matrix.
 pub type Mat3 = nalgebra::Matrix3<f64>;
+/// A stiffness against translations and rotations, stacked.
+pub type Mat6 = nalgebra::Matrix6<f64>;

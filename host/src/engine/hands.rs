@@ -10,8 +10,8 @@ use physics::{Body, HandlePose};
 use rt_core::{Pose, TickRecord};
 
 /// Speed of a handle, or of a tool, in excess of its hand's speed while it catches up (m/s).
-pub(super) const CATCH_UP: f64 = 0.5;
-/// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
+const CATCH_UP: f64 = 0.5;
+/// Angular velocity of a handle, or of a tool, in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
 /// The hands on one body.
@@ -59,9 +59,8 @@ impl Hands {
     }
 
     /// Advances the clock by a step, and sets the targets of the handles: the poses of the hands at the end of the step, or of
-    /// the proxies if springs of the `publisher` lie between the hands and the body. A handle moves no faster than its hand
-    /// plus [`CATCH_UP`], and turns no faster than its hand plus [`TURN_AFTER`]. After a stall a hand may be anywhere. If its
-    /// handle went there at once, the model would show the impact and not the body.
+    /// the proxies if springs of the `publisher` lie between the hands and the body. After a stall a hand may be anywhere. If its
+    /// handle went there at once, the model would show the impact and not the body: see [`catch_up`].
     pub(super) fn aim(&mut self, body: &Body, publisher: &Publisher) {
         self.time_ns = self.newest_ns.map(|newest| self.clock.step(newest));
         let time_ns = self.time_ns.unwrap_or(0);
@@ -75,23 +74,7 @@ impl Hands {
         publisher.place(&mut self.targets, time_ns);
         for (index, (path, target)) in self.paths.iter().zip(&mut self.targets).enumerate() {
             if let Some(report) = body.handle_report(index) {
-                let from = &report.pose;
-                let speed = path.velocity().norm() + CATCH_UP;
-                let displacement = target.position - from.position;
-                if let Some(fraction) = shortened(displacement.norm(), speed * self.step) {
-                    target.position = from.position + displacement * fraction;
-                    self.behind = true;
-                }
-                // A device that senses no rotation reports the same quaternion in every tick.
-                if target.rotation != from.rotation {
-                    let speed = path.turning().norm() + TURN_AFTER;
-                    let turn = (target.rotation * from.rotation.inverse()).scaled_axis();
-                    if let Some(fraction) = shortened(turn.norm(), speed * self.step) {
-                        let part = UnitQuaternion::from_scaled_axis(turn * fraction);
-                        target.rotation = part * from.rotation;
-                        self.behind = true;
-                    }
-                }
+                self.behind |= catch_up(path, &report.pose, target, self.step);
             }
         }
     }
@@ -160,7 +143,35 @@ impl<'a> Regrip<'a> {
     }
 }
 
+/// Shortens the way to a target, of a step (s) that begins at a pose: no faster than the hand on this path plus [`CATCH_UP`], and no faster in
+/// rotation than the hand plus [`TURN_AFTER`]. Returns whether the target stays behind.
+pub(super) fn catch_up(
+    path: &HandlePath,
+    from: &HandlePose,
+    target: &mut HandlePose,
+    step: f64,
+) -> bool {
+    let mut behind = false;
+    let speed = path.velocity().norm() + CATCH_UP;
+    let displacement = target.position - from.position;
+    if let Some(fraction) = shortened(displacement.norm(), speed * step) {
+        target.position = from.position + displacement * fraction;
+        behind = true;
+    }
+    // A device that senses no rotation reports the same quaternion in every tick.
+    if target.rotation != from.rotation {
+        let speed = path.turning().norm() + TURN_AFTER;
+        let turn = (target.rotation * from.rotation.inverse()).scaled_axis();
+        if let Some(fraction) = shortened(turn.norm(), speed * step) {
+            let part = UnitQuaternion::from_scaled_axis(turn * fraction);
+            target.rotation = part * from.rotation;
+            behind = true;
+        }
+    }
+    behind
+}
+
 /// The fraction of a displacement or a turn of `length` that is as long as `most`; `None` if the whole is no longer.
-pub(super) fn shortened(length: f64, most: f64) -> Option<f64> {
+fn shortened(length: f64, most: f64) -> Option<f64> {
     (length > most).then(|| most / length)
 }

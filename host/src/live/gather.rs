@@ -29,6 +29,7 @@ use bins::bins;
 use events::{Change, Watch};
 use physics::contact::Obstacle;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::{MAX_DEVICES, Pose};
 use runner::latency::{Latencies, LatencyHistogram, LatencyReader};
 use std::sync::Arc;
 
@@ -86,6 +87,7 @@ struct Last {
     tick: Option<(u64, u64)>,
     devices: Vec<DeviceTelemetry>,
     bodies: Vec<BodyTelemetry>,
+    tools: [Option<Pose>; MAX_DEVICES],
 }
 
 impl Gatherer {
@@ -168,6 +170,7 @@ impl Gatherer {
         self.last.tick = Some((tick.tick, tick.time_ns));
         tick.devices.clone_into(&mut self.last.devices);
         tick.bodies.clone_into(&mut self.last.bodies);
+        self.last.tools = tick.tools;
     }
 
     /// Counts the deadlines that were missed and the records that were lost since the last tick. Returns the missed
@@ -245,16 +248,9 @@ impl Gatherer {
         let time_ns = self.last.tick.map_or(0, |(_, time_ns)| time_ns);
         let mut obstacles = obstacle::states(&self.obstacles, time_ns as f64 * 1e-9);
         for [device, obstacle] in &self.tools {
-            let known = self
-                .last
-                .devices
-                .get(*device)
-                .zip(obstacles.get_mut(*obstacle));
-            if let Some((device, state)) = known {
-                let place = device.pose.position.iter();
-                for (to, from) in state.pose.iter_mut().zip(place) {
-                    *to = *from;
-                }
+            let known = self.last.tools.get(*device).copied().flatten();
+            if let Some((pose, state)) = known.zip(obstacles.get_mut(*obstacle)) {
+                state.pose = obstacle::state_of(&pose.position, &pose.rotation);
             }
         }
         Frame {

@@ -1,6 +1,7 @@
 //! The obstacles of a scene for viewers: triangles, made once, and where the triangles are at a time.
 
 use crate::world::World;
+use nalgebra::UnitQuaternion;
 use physics::Vec3;
 use physics::contact::Obstacle;
 use physics::contact::obstacle::{Geometry, Motion};
@@ -112,7 +113,6 @@ pub(super) fn infos(world: &World<'_>) -> Vec<ObstacleInfo> {
 pub(super) fn states(obstacles: &[Obstacle], t: f64) -> Vec<ObstacleState> {
     let state = |obstacle: &Obstacle| {
         let pose = obstacle.pose(t);
-        let (at, turn) = (pose.translation.vector, pose.rotation.coords);
         let mut positions = Vec::new();
         if matches!(obstacle.motion(), Motion::Frames(_)) {
             let mut x = vec![Vec3::zeros(); obstacle.vertices()];
@@ -123,11 +123,17 @@ pub(super) fn states(obstacles: &[Obstacle], t: f64) -> Vec<ObstacleState> {
             positions = rounded(&x);
         }
         ObstacleState {
-            pose: [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w],
+            pose: state_of(&pose.translation.vector, &pose.rotation),
             positions,
         }
     };
     obstacles.iter().map(state).collect()
+}
+
+/// A pose as a frame has it.
+pub(super) fn state_of(place: &Vec3, rotation: &UnitQuaternion<f64>) -> [f64; 7] {
+    let (at, turn) = (place, rotation.coords);
+    [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w]
 }
 
 fn rounded(positions: &[Vec3]) -> Vec<f32> {

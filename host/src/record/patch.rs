@@ -19,7 +19,7 @@ pub struct PatchRow {
     period: f64,
     damping: f64,
     stiffness: f64,
-    /// The floor, rows first.
+    /// The floor, rows first, and that of rotation.
     floor: Vec<f64>,
     /// The corners of the triangles, and their coefficients of friction.
     corners: Vec<u8>,
@@ -42,7 +42,7 @@ impl PatchRow {
             period: head.period,
             damping: head.damping,
             stiffness: head.stiffness,
-            floor: head.floor.iter().copied().collect(),
+            floor: (head.floor.iter().chain(&head.turning_floor).copied()).collect(),
             corners: triangles().flat_map(|triangle| triangle.corners).collect(),
             friction: triangles().map(|triangle| triangle.friction).collect(),
             sites: patch.rows().to_vec(),
@@ -67,7 +67,8 @@ impl PatchRow {
         let head = &mut patch.head;
         (head.sequence, head.epoch, head.time_ns) = (self.sequence, self.epoch, self.time_ns);
         (head.period, head.damping, head.stiffness) = (self.period, self.damping, self.stiffness);
-        for (to, from) in head.floor.iter_mut().zip(&self.floor) {
+        let floors = head.floor.iter_mut().chain(&mut head.turning_floor);
+        for (to, from) in floors.zip(&self.floor) {
             *to = *from;
         }
         let corners = self.corners.as_chunks::<3>().0.iter();
@@ -96,7 +97,8 @@ impl PatchRow {
     /// `None` if the lengths of the lists contradict each other.
     fn check(&mut self) -> Option<()> {
         let (sites, triangles) = (self.sites.len(), self.friction.len());
-        let is_whole = self.floor.len() == 9
+        // Logs of earlier versions lack the floor of rotation.
+        let is_whole = [9, 18].contains(&self.floor.len())
             && self.corners.len() == 3 * triangles
             && self.compliance.len() == 9 * sites * sites;
         (is_whole && sites <= MAX_SITES && triangles <= MAX_TRIANGLES).then_some(())
@@ -113,7 +115,7 @@ record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
     "float64 period      # of publication" period;
     "float64 damping     # ratio of damping to stiffness (s)" damping;
     "float64 stiffness   # against the resultant of the contact (N/m)" stiffness;
-    "float64[] floor     # compliance that the device adds (m/N), nine numbers" floor;
+    "float64[] floor     # compliance that the device adds (m/N), nine numbers; and of rotation (rad/(N m))" floor;
     "uint32 epoch        # of the topology" epoch;
     "uint8 device        # index in a tick's devices" device;
     "uint8[] corners     # of the triangles, three each, as places in the list of sites" corners;

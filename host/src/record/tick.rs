@@ -6,11 +6,13 @@
 
 use super::field::{Cells, Each, Leaf, Record, Visitor, fields, name, record};
 use super::kind::{Stamp, kind};
+use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry, ToolTelemetry};
 use rt_core::safety::SafetyState;
 use rt_core::{
-    Corruption, DeviceError, DeviceState, EnergyAccount, Reading, Rendering, Telemetry, Withheld,
+    Corruption, DeviceError, DeviceState, EnergyAccount, MAX_DEVICES, Pose, Reading, Rendering,
+    Telemetry, Vec3, Withheld,
 };
 use std::fmt;
 
@@ -36,10 +38,14 @@ pub struct TickRow {
     /// For each tool the index of its device, the number of its contacts, its place on the surface (m) and the force of the surface
     /// on it (N): [`TOUCH`] numbers.
     pub touch: Vec<f64>,
+    /// For each tool its rotation as a quaternion (w, x, y, z) and the moment of the surface on it about its place (N m).
+    pub turn: Vec<f64>,
 }
 
 /// See [`TickRow::touch`].
 pub const TOUCH: usize = 8;
+/// The numbers of a tool in [`TickRow::turn`].
+const TURN: usize = 7;
 
 impl From<&Telemetry> for TickRow {
     fn from(telemetry: &Telemetry) -> Self {
@@ -53,15 +59,41 @@ impl From<&Telemetry> for TickRow {
             readings: telemetry.readings().map(LoggedReading::from).collect(),
             patches: telemetry.tools().map(|tool| tool.sequence).collect(),
             touch: telemetry.tools().flat_map(touch).collect(),
+            turn: telemetry.tools().flat_map(turn).collect(),
         }
+    }
+}
+
+impl TickRow {
+    /// The poses of the tools on the surfaces (scene), by device. Logs of earlier versions have no rotations.
+    pub fn tools(&self) -> [Option<Pose>; MAX_DEVICES] {
+        let mut tools = [None; MAX_DEVICES];
+        let mut turns = self.turn.as_chunks::<TURN>().0.iter();
+        for [device, _, x, y, z, ..] in self.touch.as_chunks::<TOUCH>().0 {
+            let mut pose = Pose::at(Vec3::new(*x, *y, *z));
+            if let Some([w, i, j, k, ..]) = turns.next() {
+                pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(*w, *i, *j, *k));
+            }
+            if let Some(tool) = tools.get_mut(*device as usize) {
+                *tool = Some(pose);
+            }
+        }
+        tools
     }
 }
 
 /// The record of a tool as a log keeps it.
 fn touch(tool: &ToolTelemetry) -> [f64; TOUCH] {
-    let ([x, y, z], [fx, fy, fz]): ([f64; 3], [f64; 3]) = (tool.proxy.into(), tool.force.into());
+    let [x, y, z]: [f64; 3] = tool.proxy.position.into();
+    let [fx, fy, fz]: [f64; 3] = tool.wrench.force.into();
     let (device, contacts) = (f64::from(tool.device), f64::from(tool.contacts));
     [device, contacts, x, y, z, fx, fy, fz]
+}
+
+/// The rotation of a tool, and the moment on it, as a log keeps them.
+fn turn(tool: &ToolTelemetry) -> [f64; TURN] {
+    let (rotation, [x, y, z]) = (tool.proxy.rotation, tool.wrench.moment.into());
+    [rotation.w, rotation.i, rotation.j, rotation.k, x, y, z]
 }
 
 /// The record of a body as a log keeps it.
@@ -186,6 +218,7 @@ kind! { TickRow: "palpate_msgs/msg/Tick", Run, |_| "/tick".to_owned();
             + size_of_val(self.readings.as_slice())
             + size_of_val(self.patches.as_slice())
             + size_of_val(self.touch.as_slice())
+            + size_of_val(self.turn.as_slice())
     }
 }
 
@@ -200,6 +233,7 @@ record! { TickRow: (&Telemetry::empty()).into();
     "palpate_msgs/Reading[] readings  # by device" readings: list "reading";
     "uint64[] patches    # optional: number of the patch in use, by tool" patches: late;
     "float64[] touch     # optional: by tool: device, contacts, place (x, y, z), force on the tool (x, y, z)" touch: late;
+    "float64[] turn      # optional: by tool: rotation (w, x, y, z), moment on the tool about its place (x, y, z)" turn: late;
 }
 
 impl TickRow {
@@ -397,11 +431,7 @@ pub(crate) fn tick_columns(tick: &Telemetry, to: &mut impl Cells) {
 /// The columns of a device.
 pub(crate) fn device_columns(device: &DeviceTelemetry, to: &mut impl Cells) {
     to.vector("position", "m", &device.pose.position);
-    let rotation = device.pose.rotation.quaternion();
-    let components = [rotation.w, rotation.i, rotation.j, rotation.k];
-    for (component, x) in ["w", "x", "y", "z"].into_iter().zip(components) {
-        to.number(format_args!("orientation_{component}"), x);
-    }
+    orientation(&device.pose.rotation, to);
     to.vector("velocity", "m_per_s", &device.twist.linear);
     to.vector("angular_velocity", "rad_per_s", &device.twist.angular);
     to.vector("force", "N", &device.wrench.force);
@@ -415,10 +445,19 @@ pub(crate) fn device_columns(device: &DeviceTelemetry, to: &mut impl Cells) {
     }
 }
 
+fn orientation(rotation: &UnitQuaternion<f64>, to: &mut impl Cells) {
+    let components = [rotation.w, rotation.i, rotation.j, rotation.k];
+    for (component, x) in ["w", "x", "y", "z"].into_iter().zip(components) {
+        to.number(format_args!("orientation_{component}"), x);
+    }
+}
+
 /// The columns of a tool.
 pub(crate) fn tool_columns(tool: &ToolTelemetry, to: &mut impl Cells) {
-    to.vector("position", "m", &tool.proxy);
-    to.vector("force", "N", &tool.force);
+    to.vector("position", "m", &tool.proxy.position);
+    orientation(&tool.proxy.rotation, to);
+    to.vector("force", "N", &tool.wrench.force);
+    to.vector("moment", "Nm", &tool.wrench.moment);
     to.whole(format_args!("contacts"), u64::from(tool.contacts));
     to.whole(format_args!("patch"), tool.sequence);
     if tool.sequence == 0 {

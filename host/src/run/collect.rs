@@ -43,12 +43,12 @@ pub(super) struct Touched {
 
 impl Touched {
     fn take(&mut self, time: f64, tool: &ToolTelemetry, device: &DeviceTelemetry) {
-        let force = tool.force.norm();
+        let force = tool.wrench.force.norm();
         self.ticks += u64::from(force > 0.0);
         if force > self.peak_force {
             (self.peak_force, self.peak_time) = (force, time);
         }
-        let apart = (device.pose.position - tool.proxy).norm();
+        let apart = (device.pose.position - tool.proxy.position).norm();
         self.apart = self.apart.max(if force > 0.0 { apart } else { 0.0 });
     }
 }

@@ -9,7 +9,7 @@ use crate::engine::contact::Contact;
 use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
-use crate::engine::tool::stiffest;
+use crate::engine::tool::{stiffest, stiffest_turning};
 use crate::engine::{Engine, build};
 use crate::preparation::Preparation;
 use crate::scene::spec::{self, Scene};
@@ -267,6 +267,7 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
         config.tools[device] = Some(ToolCouplingConfig {
             tool: ToolConfig {
                 hull: *shape.hull(),
+                turns: stiffest_turning(loaded, device).is_some(),
                 radius: shape.radius(),
                 period,
                 stiffest: stiffest(loaded, device),

@@ -37,6 +37,7 @@ mod summary;
 mod threads;
 mod tool;
 mod tool_shapes;
+mod tool_turns;
 mod torn_changes;
 mod torn_shapes;
 mod touch;

@@ -91,7 +91,7 @@ fn a_tool_of_each_shape_stands_on_each_obstacle() {
             let run = ticks(&load(&with_tool(&text, shape, 0.0, &press(0.006))), 0.8);
             let tool = run[750].tools().next().unwrap();
             // Triangles stand for curved obstacles.
-            let apart = tool.proxy - Vec3::z() * shape.1;
+            let apart = tool.proxy.position - Vec3::z() * shape.1;
             assert!(apart.norm() < 3e-5, "{obstacle} {shape:?}: {apart}");
             let force = run[750].devices[0].wrench.force;
             let is_across = force.xy().norm() < 0.02 * force.z;
@@ -132,7 +132,7 @@ fn held(text: &str) -> (Vec3, Vec3, f64) {
     let mut session = Session::new(&world, &Options::new(0.8, 1)).unwrap();
     let (mut force, mut host, mut jump) = (Vec3::zeros(), Vec3::zeros(), 0.0_f64);
     while let Some(tick) = session.tick() {
-        let now = tick.tools[0].force;
+        let now = tick.tools[0].wrench.force;
         jump = jump.max((now - force).norm());
         force = now;
         for (_, patch) in session.engine().unwrap().patches() {
@@ -194,13 +194,16 @@ fn the_tick_feels_what_the_host_presses_under_long_and_wide_tools() {
     ] {
         let text = with_tool(&text, (&tool, radius), surface, &press(0.009));
         let (tick, host, jump) = held(&text);
-        let error = (tick - host).norm() / host.norm();
-        // Measured: 1.4 to 10 % on blocks, 4 to 17 % on sheets, which hardly resist; and jumps of up to 0.38 N, where a tool that comes at
+        let error = (tick.z - host.z).abs() / host.z;
+        // Measured: up to 10 % on blocks and 17 % on sheets, which hardly resist; and jumps of up to 0.38 N, where a tool that comes at
         // 50 mm/s meets a block flatly.
         assert!(
             host.z > 0.1 && error < 0.2 && jump < 0.5,
             "{tool:?}: {tick} {host}, {error} {jump}"
         );
+        // Across, each keeps the friction that it had when its contacts began to stick.
+        let across = (tick - host).xy().norm();
+        assert!(across < 0.3 * host.z, "{tool:?}: {tick} {host}");
     }
 }
 
@@ -250,8 +253,21 @@ fn long_and_wide_tools_come_back_after_faults() {
         .replace("position = [0.0", "position = [0.05")
         .replace("'tool'", "'second'")
         .replace("'omega'", "'other'");
-    let loaded = load(&format!("{capsule}{second}"));
-    let world = World::new(&loaded).unwrap();
+    let text = format!("{capsule}{second}");
+    come_back(&load(&text), 0.1, 0.0);
+    // The same tools are turned on the block, on devices of six degrees of freedom.
+    let turns = "turns = [[0.1, 0.0, 0.0, 0.0], [0.6, 0.1, -0.05, 0.1]]\n";
+    let text = text
+        .replace("'omega3'", "'virtuose6d'")
+        .replace("damping = 12.0\n", &format!("damping = 12.0\n{turns}"));
+    // Their rims lie on cells of 16 mm: the bound is that of the test above.
+    come_back(&load(&text), 0.2, 1e-3);
+}
+
+/// Runs a scene with two tools, of which the host stands still, or the first device is silent or gone, for a while. In the end the tick's forces
+/// differ from the host's by this fraction at most, and each tool has a moment of this size at least (N m).
+fn come_back(loaded: &LoadedScene, most: f64, moment: f64) {
+    let world = World::new(loaded).unwrap();
     let run = |stall: Option<f64>, lost: Option<Fault>| {
         let mut options = Options::new(2.0, 1);
         options.faults = (stall.into_iter())
@@ -289,10 +305,12 @@ fn long_and_wide_tools_come_back_after_faults() {
         let (faulty, host) = run(stall, lost);
         for tool in [0, 1] {
             // A device that was lost resumes where its tool was, and presses less deeply afterwards.
-            let (now, host) = (faulty[1999].tools[tool].force, host[tool]);
-            let apart = (now - host).norm() / host.norm();
+            let (wrench, host) = (faulty[1999].tools[tool].wrench, host[tool]);
+            let now = wrench.force;
+            assert!(wrench.moment.norm() >= moment, "{}", wrench.moment);
+            let apart = (now.z - host.z).abs() / host.z;
             assert!(
-                now.z > 0.5 && apart < 0.1,
+                now.z > 0.4 && apart < most,
                 "{stall:?} {lost:?} {tool}: {now} {host}"
             );
             let least = faulty.iter().map(|tick| tick.tools[tool].energy.least);
@@ -302,8 +320,10 @@ fn long_and_wide_tools_come_back_after_faults() {
             );
         }
         let other = (700..1990).map(|at| (force(&faulty, at, 1) - force(&whole, at, 1)).norm());
-        let most = other.fold(0.0, f64::max);
-        assert!(most < 0.1, "{stall:?} {lost:?}: {most}");
+        let other = other.fold(0.0, f64::max);
+        // The block couples the tools: the force of the one that leaves is 5 % of the other's.
+        let allowed = 0.1 * force(&whole, 1990, 1).norm();
+        assert!(other < allowed, "{stall:?} {lost:?}: {other}");
     }
 }
 

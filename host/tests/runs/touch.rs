@@ -378,7 +378,7 @@ fn a_tool_and_obstacles_that_do_not_fit_are_refused() {
     let rough = text.replacen("[[tool]]", &pair("ball", "left plate"), 1);
     let rough = Scene::load_texts("groove.toml", &rough, &BTreeMap::new()).unwrap();
     let [rough, plain] = [ticks(&rough, 1.4), ticks(&scene("groove.toml"), 1.4)];
-    let along = |run: &[Telemetry]| run[1200].tools[0].force.x.abs();
+    let along = |run: &[Telemetry]| run[1200].tools[0].wrench.force.x.abs();
     assert!(
         along(&rough) > 1.5 * along(&plain),
         "{} {}",
@@ -423,7 +423,7 @@ fn a_ball_in_a_rigid_groove_overlaps_nothing() {
         let (mut deepest, mut both) = (0.0_f64, 0);
         for tick in &run {
             let tool = tick.tools().next().unwrap();
-            let gaps = normals.map(|normal| normal.dot(&tool.proxy) - 0.005);
+            let gaps = normals.map(|normal| normal.dot(&tool.proxy.position) - 0.005);
             deepest = deepest.max(-gaps[0]).max(-gaps[1]);
             both += u32::from(gaps.iter().all(|gap| *gap < 1e-9));
         }
@@ -457,9 +457,9 @@ fn a_tool_feels_each_shape_of_obstacle_at_its_surface() {
         let run = ticks(&loaded, 1.5);
         let tool = run[1450].tools().next().unwrap();
         assert!(
-            (tool.proxy - Vec3::new(0.0, 0.0, 0.005)).norm() < 2e-5,
+            (tool.proxy.position - Vec3::new(0.0, 0.0, 0.005)).norm() < 2e-5,
             "{shape}: {}",
-            tool.proxy
+            tool.proxy.position
         );
         let force = run[1450].devices[0].wrench.force;
         assert!(
@@ -469,7 +469,7 @@ fn a_tool_feels_each_shape_of_obstacle_at_its_surface() {
         // No message moves the ball on the surface by more than the motion of the hand does.
         let jumps = run
             .windows(2)
-            .map(|pair| (pair[1].tools[0].force - pair[0].tools[0].force).norm());
+            .map(|pair| (pair[1].tools[0].wrench.force - pair[0].tools[0].wrench.force).norm());
         let jump = jumps.fold(0.0, f64::max);
         assert!(jump < 0.25, "{shape}: {jump}");
     }
@@ -491,11 +491,15 @@ fn an_obstacle_that_moves_meets_a_tool_that_is_held() {
     let files = BTreeMap::from([("lift.csv".to_owned(), poses.as_bytes().to_vec())]);
     let loaded = Scene::load_texts("lift.toml", &text, &files).unwrap();
     let run = ticks(&loaded, 1.6);
-    assert_eq!(run[700].tools[0].force.norm(), 0.0);
+    assert_eq!(run[700].tools[0].wrench.force.norm(), 0.0);
     let tool = run[1550].tools().next().unwrap();
-    assert!(tool.force.z > 0.3, "{}", tool.force);
+    assert!(tool.wrench.force.z > 0.3, "{}", tool.wrench.force);
     // The ball lies on the plate, whose upper side is at 18 mm.
-    assert!((tool.proxy.z - 0.023).abs() < 1e-6, "{}", tool.proxy);
+    assert!(
+        (tool.proxy.position.z - 0.023).abs() < 1e-6,
+        "{}",
+        tool.proxy.position
+    );
     // The plate does work on the hand, which has supplied none: the cap withholds the force.
     let least = run.iter().map(|tick| tick.tools[0].energy.least);
     assert!(least.fold(0.0, f64::min) > -1e-3);
@@ -506,15 +510,15 @@ fn an_obstacle_that_moves_meets_a_tool_that_is_held() {
 fn a_finger_pushes_a_hanging_cloth_that_hardly_resists() {
     let run = ticks(&scene("finger.toml"), 3.0);
     // The cloth weighs 0.21 N.
-    let most = run.iter().map(|tick| tick.tools[0].force.norm());
+    let most = run.iter().map(|tick| tick.tools[0].wrench.force.norm());
     let most = most.fold(0.0, f64::max);
     assert!((0.02..0.2).contains(&most), "{most}");
     // The finger takes the cloth along and leaves it on the side from which it came.
     let pressed = run[1200..2000]
         .iter()
-        .filter(|tick| tick.tools[0].force.y < 0.0);
+        .filter(|tick| tick.tools[0].wrench.force.y < 0.0);
     assert!(pressed.count() > 790);
-    assert_eq!(run[2950].tools[0].force.norm(), 0.0);
+    assert_eq!(run[2950].tools[0].wrench.force.norm(), 0.0);
     // No patch is refused: each is taken into use.
     let numbers = run
         .windows(2)

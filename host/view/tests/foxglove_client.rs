@@ -215,7 +215,8 @@ fn a_client_receives_the_messages_of_the_log() {
             "bodies",
             "readings",
             "patches",
-            "touch"
+            "touch",
+            "turn"
         ])
     );
 

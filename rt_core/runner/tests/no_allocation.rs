@@ -50,7 +50,7 @@ fn no_tick_allocates_whatever_the_rings_hold() {
     assert!(counters.superseded_models > 0 && counters.superseded_patches > 0);
     // The handle stays at the origin, where the tool comes to press on the floor.
     let tool = tick_loop.controller.tools().next().expect("a tool");
-    assert!(tool.counters().accepted > 300 && tool.tool().force().z > 0.9);
+    assert!(tool.counters().accepted > 300 && tool.tool().wrench().force.z > 0.9);
     assert!(reader.read().overflow() > 0);
     assert_eq!(tick_loop.ticks, 1000);
 }

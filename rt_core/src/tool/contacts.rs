@@ -25,6 +25,11 @@ const ROUNDS: usize = 2;
 const SWEEPS: usize = 8;
 const SETTLED: f64 = 1e-3;
 const BEYOND: f64 = 1.3;
+/// Of a tool that turns: the rounds in which contacts beyond their cones begin to slide, the rounds of conjugate gradients in each, and
+/// the fraction of their ways that these leave.
+const STUCK: usize = 4;
+const CONJUGATE: usize = 16;
+const HELD: f64 = 1e-6;
 /// Feet that are nearer to each other than this fraction of the radius are one contact: their distances differ by less than
 /// 5 millionths of the radius.
 const ONE: f64 = 3e-3;
@@ -62,6 +67,8 @@ pub struct Contact {
     foot: Vec3,
     /// The point of the hull that is nearest to the foot, seen from the centre (m).
     tip: Vec3,
+    /// The point of the tool that touches, seen from the centre (m): the arm of the force.
+    arm: Vec3,
     /// The distance of the hull from the foot (m), negative if the hull has passed the triangle.
     distance: f64,
     /// Whether the hull has passed the triangle at the foot.
@@ -72,6 +79,11 @@ impl Contact {
     /// The force on the tool (N).
     pub fn force(&self) -> Vec3 {
         self.normal * self.normal_force + self.friction
+    }
+
+    /// The moment of the force about the centre of the tool (N m).
+    pub fn moment(&self) -> Vec3 {
+        self.arm.cross(&self.force())
     }
 
     /// Takes direction and distance at these places. Returns whether there is a direction: below the triangle, it is that of the
@@ -96,6 +108,17 @@ impl Contact {
         };
         self.distance = self.normal.dot(&(now.centre + self.tip - self.foot));
         self.normal.iter().all(|x| x.is_finite())
+    }
+
+    /// Moves the foot to the nearest point of its triangle under the point of the hull that was nearest to it.
+    fn roll(&mut self, now: &Places<'_>) {
+        let Some(corners) = place(self.corners, now.sites) else {
+            return;
+        };
+        let near = now.hull.nearest_to(&(self.at(now.sites) - now.centre));
+        if near.are_apart && !self.has_passed {
+            self.weights = weights(&(now.centre + near.point), corners.each_ref());
+        }
     }
 
     /// The distance between hull and foot at these places (m), negative on the other side of the surface. A hull that has passed the
@@ -173,15 +196,21 @@ pub(super) fn find<'a>(
     triangles: impl Iterator<Item = &'a Triangle>,
     [before, now]: [Places<'_>; 2],
     lengths: &Lengths,
+    softness: Softness,
     kept: &[Contact],
 ) -> Contacts {
     let mut found = Contacts::new();
     for contact in kept.iter().filter(|contact| contact.normal_force > 0.0) {
         let mut contact = *contact;
+        if softness.rolls {
+            contact.roll(&now);
+        }
         if contact.look(&now) {
             contact.friction = contact.across(&contact.friction);
-            // There is room for all that were kept.
-            let _ = found.push(contact);
+            if !(softness.rolls && is_met(&mut found, &contact, lengths.radius)) {
+                // There is room for all that were kept.
+                let _ = found.push(contact);
+            }
         }
     }
     hand_on(&mut found, kept);
@@ -189,15 +218,29 @@ pub(super) fn find<'a>(
         if let Some(contact) = touch(triangle, &now, lengths)
             && contact.distance.abs() <= lengths.radius + lengths.reach
         {
-            insert(&mut found, contact, lengths.radius);
+            insert(&mut found, contact, softness, lengths.radius);
         }
     }
     for contact in &mut found {
         contact.before = before.centre - contact.at(before.sites);
+        contact.arm = contact.tip - contact.normal * lengths.radius;
         let overlap = lengths.radius - contact.distance_at(&before);
         contact.allowed = (overlap - lengths.parting).max(0.0);
     }
     found
+}
+
+/// Adds the forces of a contact to another one to which it has rolled. Returns whether there is one.
+fn is_met(found: &mut Contacts, contact: &Contact, radius: f64) -> bool {
+    let same = ONE * radius;
+    let mut others = found.iter_mut();
+    let other = others.find(|other| (other.foot - contact.foot).norm_squared() < same * same);
+    if let Some(other) = other {
+        other.normal_force += contact.normal_force;
+        other.friction += other.across(&contact.friction);
+        return true;
+    }
+    false
 }
 
 /// Hands the friction of points that press no more to a point of the same triangle that does.
@@ -279,6 +322,7 @@ fn touch(triangle: &Triangle, now: &Places<'_>, lengths: &Lengths) -> Option<Con
         allowed: 0.0,
         foot: Vec3::zeros(),
         tip: Vec3::zeros(),
+        arm: Vec3::zeros(),
         distance: 0.0,
         has_passed: false,
     };
@@ -297,8 +341,9 @@ fn place(corners: [u8; 3], sites: &[Vec3; MAX_SITES]) -> Option<[Vec3; 3]> {
     Some([*a?, *b?, *c?])
 }
 
-/// Adds a contact, if it is not the same point as another, and if there is room or a contact without force that is further away.
-fn insert(found: &mut Contacts, contact: Contact, radius: f64) {
+/// Adds a contact, if it is not the same point as another, and if there is room or a contact without force that is further away. In a list
+/// full of points that press and roll on, a point that overlaps takes the place of the one that presses least.
+fn insert(found: &mut Contacts, contact: Contact, softness: Softness, radius: f64) {
     let (mut others, same) = (found.iter(), ONE * radius);
     if others.any(|other| (other.foot - contact.foot).norm_squared() < same * same) {
         return;
@@ -309,15 +354,46 @@ fn insert(found: &mut Contacts, contact: Contact, radius: f64) {
     }
     let idle = found.iter_mut().filter(|other| other.normal_force == 0.0);
     let furthest = idle.max_by(|a, b| a.distance.total_cmp(&b.distance));
-    if let Some(other) = furthest.filter(|other| other.distance > contact.distance) {
+    if let Some(other) = furthest {
+        if other.distance > contact.distance {
+            *other = contact;
+        }
+        return;
+    }
+    let least = found.iter_mut().filter(|_| softness.rolls);
+    let least = least.min_by(|a, b| a.normal_force.total_cmp(&b.normal_force));
+    if let Some(other) = least.filter(|_| contact.distance < radius - CLEAR) {
         *other = contact;
     }
+}
+
+/// The compliance of a contact itself (m/N), along its normal and across. Where several points of a rigid plate lie on a rigid floor, it alone
+/// tells how they share force and friction: without it they would take turns, and the plate would creep.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Softness {
+    pub along: f64,
+    pub across: f64,
+    /// Whether the points that press roll on under the tool. Where a surface yields, they stay.
+    pub rolls: bool,
+}
+
+/// How a tool turns in a tick, seen from the attitude at which its contacts were found last.
+#[derive(Clone, Copy)]
+pub(super) struct Turning<'a> {
+    /// The attitude without contact forces.
+    pub free: Mat3,
+    /// The attitude after the last tick.
+    pub before: Mat3,
+    /// Of the device's floor (rad/(N m)).
+    pub floor: &'a Mat3,
 }
 
 /// The tool and the surface without contact forces, and how they yield to them.
 pub(super) struct Yielding<'a> {
     /// The centre of the tool (m).
     pub centre: Vec3,
+    /// How the tool turns; `None` for a tool that keeps its attitude.
+    pub turning: Option<Turning<'a>>,
     /// The sites (m).
     pub sites: &'a [Vec3; MAX_SITES],
     /// Of the sites (m/N), to be multiplied by `fraction`.
@@ -326,6 +402,8 @@ pub(super) struct Yielding<'a> {
     pub fraction: f64,
     /// Of the device's floor (m/N).
     pub floor: &'a Mat3,
+    /// Of each contact.
+    pub softness: Softness,
     /// Whether no site yields.
     pub is_rigid: bool,
 }
@@ -333,10 +411,14 @@ pub(super) struct Yielding<'a> {
 impl Yielding<'_> {
     /// `G` between two contacts: the relative displacement of the first one by a force at the second one (m/N).
     fn between(&self, one: &Contact, other: &Contact) -> Mat3 {
-        if self.is_rigid {
-            return *self.floor;
-        }
         let mut sum = *self.floor;
+        if let Some(turning) = &self.turning {
+            let [to, from] = [one, other].map(|contact| contact.arm.cross_matrix());
+            sum -= to * turning.floor * from;
+        }
+        if self.is_rigid {
+            return sum;
+        }
         for (a, weight) in one.corners.iter().zip(&one.weights) {
             let row = self.compliance.get(usize::from(*a));
             // Most feet lie on an edge or a corner.
@@ -360,6 +442,19 @@ impl Yielding<'_> {
     /// The centre of the tool seen from the foot of a contact, without contact forces (m).
     fn apart(&self, contact: &Contact) -> Vec3 {
         self.centre - contact.at(self.sites)
+    }
+
+    /// The point of the hull that is nearest to the foot of a contact, seen from the centre, without contact forces (m).
+    fn tip(&self, contact: &Contact) -> Vec3 {
+        (self.turning).map_or(contact.tip, |turning| turning.free * contact.tip)
+    }
+
+    /// The way of the tool over the foot of a contact since the last tick, without contact forces (m).
+    fn way(&self, contact: &Contact) -> Vec3 {
+        let moved = self.apart(contact) - contact.before;
+        (self.turning).map_or(moved, |turning| {
+            moved + (turning.free - turning.before) * contact.arm
+        })
     }
 }
 
@@ -409,10 +504,14 @@ impl Pressing {
         let each = along.iter_mut().zip(&columns).zip(contacts);
         for (((along, columns), one), (gap, pressed)) in each.zip(gaps.iter_mut().zip(&mut pressed))
         {
-            for ((entry, column), _) in along.iter_mut().zip(columns).zip(contacts) {
+            for ((entry, column), other) in along.iter_mut().zip(columns).zip(contacts) {
                 *entry = one.normal.dot(column);
+                if core::ptr::eq(one, other) {
+                    *entry += yielding.softness.along;
+                }
             }
-            *gap = one.normal.dot(&(yielding.apart(one) + one.tip)) - radius + one.allowed;
+            let apart = yielding.apart(one) + yielding.tip(one);
+            *gap = one.normal.dot(&apart) - radius + one.allowed;
             *pressed = one.normal_force > 0.0;
         }
         Self {
@@ -449,24 +548,24 @@ pub(super) fn solve(contacts: &mut Contacts, yielding: &Yielding<'_>, radius: f6
     let mut pressing = Pressing::new(contacts, yielding, radius);
     pressing.press(contacts);
     if contacts.iter().any(|contact| contact.coefficient > 0.0) {
-        let mut rubbing = Rubbing::new();
+        let (mut rubbing, turns) = (Rubbing::new(), yielding.turning.is_some());
         for _ in 0..ROUNDS {
-            let_go(contacts);
+            let_go(contacts, turns);
             rubbing.rub(contacts, &pressing.columns, yielding);
             if !pressing.press(contacts) {
                 break;
             }
         }
-        if let_go(contacts) {
+        if let_go(contacts, turns) {
             pressing.press(contacts);
         }
     }
     pressing.has_room
 }
 
-/// Ends the friction of triangles without normal force. Returns whether there was any.
-fn let_go(contacts: &mut Contacts) -> bool {
-    let most = most_friction(contacts);
+/// Ends the friction without normal force. Returns whether there was any.
+fn let_go(contacts: &mut Contacts, turns: bool) -> bool {
+    let most = most_friction(contacts, turns);
     let mut was = false;
     for (contact, most) in contacts.iter_mut().zip(most) {
         if most == 0.0 && contact.friction != Vec3::zeros() {
@@ -514,7 +613,7 @@ impl Rubbing {
             return;
         };
         let axes = axes(&contact.normal);
-        let way = yielding.apart(contact) - contact.before + contact.residual;
+        let way = yielding.way(contact) + contact.residual;
         let free = axes.map(|axis| axis.dot(&way));
         let new = Slide {
             at,
@@ -537,8 +636,9 @@ impl Rubbing {
                 let moved = block * axis;
                 other.axes.map(|axis| axis.dot(&moved))
             });
-            let [[a, b], [c, d]] = by_axis;
+            let [[mut a, b], [c, mut d]] = by_axis;
             if to == number {
+                (a, d) = (a + yielding.softness.across, d + yielding.softness.across);
                 // The largest eigenvalue.
                 let half = 0.5 * (a - d);
                 let stiffest = 0.5 * (a + d) + libm::sqrt((half * half + b * c).max(0.0));
@@ -548,7 +648,10 @@ impl Rubbing {
                     0.0
                 };
             }
-            let pairs = [(number, to, by_axis), (to, number, [[a, c], [b, d]])];
+            let pairs = [
+                (number, to, [[a, b], [c, d]]),
+                (to, number, [[a, c], [b, d]]),
+            ];
             for (from, to, block) in pairs {
                 let row = self.blocks.get_mut(from);
                 if let Some(place) = row.and_then(|row| row.get_mut(to)) {
@@ -560,7 +663,7 @@ impl Rubbing {
 
     /// Sweeps of friction, while the normal forces stay. Only contacts that can have friction take part.
     fn rub(&mut self, contacts: &mut Contacts, columns: &Columns, yielding: &Yielding<'_>) {
-        let most = most_friction(contacts);
+        let most = most_friction(contacts, yielding.turning.is_some());
         for (at, most) in (0..contacts.len()).zip(most) {
             if most > 0.0 && !self.slides.iter().any(|slide| slide.at == at) {
                 self.add(at, contacts, yielding);
@@ -581,13 +684,106 @@ impl Rubbing {
                 shift(&mut self.slides, from, friction);
             }
         }
+        let turns = yielding.turning.is_some();
+        if turns {
+            self.stick();
+        }
         self.sweep();
+        if turns {
+            self.stick();
+        }
         for slide in &self.slides {
             if let Some(contact) = contacts.get_mut(slide.at) {
                 let ([a, b], [x, y]) = (&slide.axes, slide.friction);
                 contact.friction = a * x + b * y;
             }
         }
+    }
+
+    /// Finds the friction under which the contacts stick, before the sweeps. Points of a rigid tool on a rigid floor are so nearly dependent
+    /// that sweeps alone would leave most of their way. A contact that would leave its cone slides.
+    fn stick(&mut self) {
+        let mut sticks = [true; MAX_CONTACTS];
+        for (sticks, slide) in sticks.iter_mut().zip(&self.slides) {
+            let [x, y] = slide.friction;
+            *sticks = libm::sqrt(x * x + y * y) < SLIDES * slide.most;
+        }
+        for _ in 0..STUCK {
+            self.hold(&sticks);
+            if !self.slide(&mut sticks) {
+                break;
+            }
+        }
+    }
+
+    /// Lets the contacts slide whose friction lies outside of their cones. Returns whether there were any.
+    fn slide(&mut self, sticks: &mut [bool; MAX_CONTACTS]) -> bool {
+        let mut any = false;
+        let numbers = 0..self.slides.len();
+        for ((number, from), sticks) in numbers.zip(&self.blocks).zip(sticks) {
+            let Some(slide) = self.slides.get_mut(number) else {
+                continue;
+            };
+            let [x, y] = slide.friction;
+            let length = libm::sqrt(x * x + y * y);
+            if length > slide.most {
+                let part = slide.most / length;
+                slide.friction = [x * part, y * part];
+                shift(&mut self.slides, from, [x * (part - 1.0), y * (part - 1.0)]);
+                (*sticks, any) = (false, true);
+            }
+        }
+        any
+    }
+
+    /// Undoes the ways of the contacts that stick, while the friction of the others stays: conjugate gradients (Hestenes and Stiefel, 1952),
+    /// which need one round for each independent motion, six for a rigid tool.
+    fn hold(&mut self, sticks: &[bool; MAX_CONTACTS]) {
+        let mut left = [[0.0; 2]; MAX_CONTACTS];
+        for ((left, slide), sticks) in left.iter_mut().zip(&self.slides).zip(sticks) {
+            if *sticks {
+                *left = slide.way.map(|way| -way);
+            }
+        }
+        let (mut direction, mut size) = (left, dot(&left, &left));
+        let least = size * (HELD * HELD);
+        for _ in 0..CONJUGATE {
+            let moved = self.moved(&direction);
+            let yields = dot(&direction, &moved);
+            if size <= least || yields <= 0.0 {
+                break;
+            }
+            let step = size / yields;
+            let each = self.slides.iter_mut().zip(&direction).zip(&moved);
+            for (((slide, direction), moved), (left, sticks)) in
+                each.zip(left.iter_mut().zip(sticks))
+            {
+                let ([x, y], [along, across]) = (&mut slide.friction, &mut slide.way);
+                let ([a, b], [c, d]) = (direction, moved);
+                (*x, *y) = (*x + a * step, *y + b * step);
+                (*along, *across) = (*along + c * step, *across + d * step);
+                if *sticks {
+                    *left = [-*along, -*across];
+                }
+            }
+            let before = core::mem::replace(&mut size, dot(&left, &left));
+            let again = size / before;
+            for ([a, b], [x, y]) in direction.iter_mut().zip(&left) {
+                (*a, *b) = (x + *a * again, y + *b * again);
+            }
+        }
+    }
+
+    /// The ways by these forces of friction.
+    fn moved(&self, forces: &[[f64; 2]; MAX_CONTACTS]) -> [[f64; 2]; MAX_CONTACTS] {
+        let mut moved = [[0.0; 2]; MAX_CONTACTS];
+        for ((from, [x, y]), _) in self.blocks.iter().zip(forces).zip(&self.slides) {
+            for ([along, across], [[a, b], [c, d]]) in moved.iter_mut().zip(from) {
+                *along += a * x + c * y;
+                *across += b * x + d * y;
+            }
+        }
+        moved
     }
 
     fn sweep(&mut self) {
@@ -619,6 +815,12 @@ impl Rubbing {
     }
 }
 
+/// The sum of products.
+fn dot(one: &[[f64; 2]; MAX_CONTACTS], other: &[[f64; 2]; MAX_CONTACTS]) -> f64 {
+    let each = one.iter().flatten().zip(other.iter().flatten());
+    each.fold(0.0, |sum, (a, b)| sum + a * b)
+}
+
 /// Moves contacts by a change of the friction to which these blocks belong.
 fn shift(slides: &mut [Slide], from: &[[[f64; 2]; 2]; MAX_CONTACTS], [x, y]: [f64; 2]) {
     for (slide, [[a, b], [c, d]]) in slides.iter_mut().zip(from) {
@@ -640,9 +842,16 @@ fn axes(normal: &Vec3) -> [Vec3; 2] {
     ]
 }
 
-/// The largest friction of each contact (N): that of the first one on a triangle holds for all normal forces on the triangle.
-fn most_friction(contacts: &[Contact]) -> [f64; MAX_CONTACTS] {
+/// The largest friction of each contact (N). All points of a tool that keeps its attitude have the same way: the friction of the first one
+/// on a triangle holds for all normal forces on the triangle. On a tool that turns, each has its own.
+fn most_friction(contacts: &[Contact], turns: bool) -> [f64; MAX_CONTACTS] {
     let mut most = [0.0; MAX_CONTACTS];
+    if turns {
+        for (most, one) in most.iter_mut().zip(contacts) {
+            *most = one.coefficient * one.normal_force;
+        }
+        return most;
+    }
     for pressing in contacts.iter().filter(|one| one.normal_force > 0.0) {
         let each = most.iter_mut().zip(contacts);
         let mut first = each.filter(|(_, one)| one.corners == pressing.corners);
@@ -654,22 +863,30 @@ fn most_friction(contacts: &[Contact]) -> [f64; MAX_CONTACTS] {
 }
 
 /// Whether each contact overlaps by no more than it may.
-pub(super) fn are_clear(contacts: &[Contact], radius: f64) -> bool {
-    contacts
-        .iter()
-        .all(|contact| contact.distance + contact.allowed > radius - CLEAR)
+pub(super) fn are_clear(contacts: &[Contact], radius: f64, softness: Softness) -> bool {
+    contacts.iter().all(|contact| {
+        let overlap = contact.allowed + contact.normal_force * softness.along;
+        contact.distance + overlap > radius - CLEAR
+    })
 }
 
-/// Ends a tick at these places: notes what the sweeps left of the way of each contact that sticks.
-pub(super) fn settle(contacts: &mut Contacts, now: &Places<'_>) {
-    let most = most_friction(contacts);
+/// Ends a tick at these places: notes what the sweeps left of the way of each contact that sticks. A tool has `turned` in the tick by this
+/// difference of its attitudes, seen from the attitude at which the contacts were found.
+pub(super) fn settle(
+    contacts: &mut Contacts,
+    now: &Places<'_>,
+    turned: Option<Mat3>,
+    softness: Softness,
+) {
+    let most = most_friction(contacts, turned.is_some());
     for (contact, most) in contacts.iter_mut().zip(most) {
-        let way = now.centre - contact.at(now.sites) - contact.before + contact.residual;
+        let moved = now.centre - contact.at(now.sites) - contact.before + contact.residual;
+        let way = turned.map_or(moved, |turned| moved + turned * contact.arm);
         let sticks = contact.friction.norm() < SLIDES * most;
         contact.residual = if sticks {
             contact.across(&way)
         } else {
-            Vec3::zeros()
+            contact.friction * -softness.across
         };
     }
 }

@@ -62,6 +62,7 @@ pub struct ToolCounters {
 /// let config = ToolCouplingConfig {
 ///     tool: ToolConfig {
 ///         hull: Hull::POINT,
+///         turns: false,
 ///         radius: 5e-3,
 ///         period,
 ///         stiffest: 1e3,
@@ -184,7 +185,7 @@ impl ToolCoupling {
         let Some((pose, twist)) = devices.get(self.device) else {
             return Wrench::zero();
         };
-        self.tool.tick(&pose.position);
+        self.tool.tick(pose);
         let wrench = self.capped(twist);
         if self.patched_ns.is_some() {
             self.trust.grow_old(self.age_ns(now_ns));
@@ -201,9 +202,8 @@ impl ToolCoupling {
         rendered
     }
 
-    /// The force of the tool under the energy cap.
+    /// The wrench of the tool under the energy cap.
     fn capped(&mut self, twist: &Twist) -> Wrench {
-        let force = self.tool.force();
         let mut motions = [Motion::none(); MAX_HANDLES];
         let [motion, ..] = &mut motions;
         motion.velocity = twist.stacked();
@@ -213,7 +213,7 @@ impl ToolCoupling {
         let (mut elastic, mut viscous) =
             ([Vec6::zeros(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
         let [first, ..] = &mut elastic;
-        *first = Vec6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0);
+        *first = self.tool.wrench().stacked();
         let stored = self.tool.stored();
         // An energy that overflowed exceeds any energy that the hand can have supplied.
         let stored = if stored.is_finite() { stored } else { f64::MAX };

@@ -10,7 +10,9 @@
 //! function of the forces.
 //!
 //! **Floor.** The centre of the tool (the **proxy**) is `c = x + D F`: the hand `x`, the force `F` on it, and the compliance `D` that
-//! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series.
+//! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series. On a
+//! device of six degrees of freedom the tool turns with the hand, and by the moment about `c` in the same way. With the arms `r`
+//! from `c`, two contacts then have the compliance `D - [r1] Dr [r2]` between them (`[r]`: the matrix of `r x`; `Dr`: the floor of rotation).
 //!
 //! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
 //! within half a period. A message of other sites can leave a contact without its place on the surface: the force of which this would
@@ -26,10 +28,13 @@ mod patch;
 mod tests;
 
 use crate::count_one;
-use crate::geometry::Vec3;
+use crate::geometry::{Mat3, Pose, Vec3, Wrench, small_turn};
 use crate::hull::Hull;
 use crate::publication::Publication;
-use contacts::{Contacts, Lengths, Places, Yielding, are_clear, find, loads, settle, solve};
+use contacts::{
+    Contacts, Lengths, Places, Softness, Turning, Yielding, are_clear, find, loads, settle, solve,
+};
+use nalgebra::UnitQuaternion;
 
 pub use contacts::Contact;
 pub use coupling::{ToolCounters, ToolCoupling, ToolCouplingConfig};
@@ -53,14 +58,20 @@ const REACH: f64 = 2.0;
 /// The change of the force (N) in the tick of a message, beyond that in the tick before, that is not carried: the jump of a message
 /// that no hand feels.
 const UNFELT: f64 = 0.05;
+/// The compliance of a contact of a tool that turns, along its normal and across, as a fraction of that of the device's stiffest spring:
+/// 0.1 um/N and 1 um/N beside 3 kN/m.
+const SOFT: f64 = 3e-4;
+const SOFT_ACROSS: f64 = 3e-3;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
 
-/// A tool: all points within a radius of a hull. The tool keeps its attitude.
+/// A tool: all points within a radius of a hull.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolConfig {
-    /// The hull about the centre of the tool, in world axes; of a sphere, [`Hull::POINT`].
+    /// The hull about the centre of the tool, in world axes while the hand is not turned; of a sphere, [`Hull::POINT`].
     pub hull: Hull,
+    /// Whether the tool turns with the hand, and the hand feels moments. Otherwise the tool keeps its attitude.
+    pub turns: bool,
     /// Radius (m).
     pub radius: f64,
     /// The tick's period (s).
@@ -95,6 +106,20 @@ impl SiteState {
     };
 }
 
+/// A difference between poses: a way (m) and a small rotation vector (rad).
+#[derive(Clone, Copy, Debug)]
+struct Offset {
+    way: Vec3,
+    turn: Vec3,
+}
+
+impl Offset {
+    const ZERO: Self = Self {
+        way: Vec3::new(0.0, 0.0, 0.0),
+        turn: Vec3::new(0.0, 0.0, 0.0),
+    };
+}
+
 /// The box around points.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
@@ -121,6 +146,21 @@ impl Bounds {
     }
 }
 
+/// The rotation from the attitude of one pose to that of another.
+fn between(from: &Pose, to: &Pose) -> UnitQuaternion<f64> {
+    to.rotation * from.rotation.inverse()
+}
+
+/// The same as a matrix.
+fn turn(from: &Pose, to: &Pose) -> Mat3 {
+    between(from, to).to_rotation_matrix().into_inner()
+}
+
+/// The angle between the attitudes of two poses (rad), small ones rightly and others too small by a third at most.
+fn angle(one: &Pose, other: &Pose) -> f64 {
+    2.0 * between(one, other).imag().norm()
+}
+
 /// How the viscous stretch of a patch relaxes in a tick.
 #[derive(Clone, Copy, Debug)]
 struct Relaxation {
@@ -133,8 +173,8 @@ struct Relaxation {
 /// A tool in contact with one patch.
 ///
 /// ```
-/// use rt_core::Vec3;
 /// use rt_core::hull::Hull;
+/// use rt_core::{Pose, Vec3};
 /// use rt_core::tool::{Patch, Site, Tool, ToolConfig, Triangle};
 ///
 /// // A floor that nothing moves, and a device that renders at most 1 kN/m.
@@ -148,6 +188,7 @@ struct Relaxation {
 /// }
 /// let mut ball = Tool::new(ToolConfig {
 ///     hull: Hull::POINT,
+///     turns: false,
 ///     radius: 5e-3,
 ///     period: 1e-3,
 ///     stiffest: 1e3,
@@ -158,10 +199,10 @@ struct Relaxation {
 /// // The hand goes down to 2 mm below the place where the ball touches.
 /// for tick in 0..=10 {
 ///     let hand = Vec3::new(0.0, 0.0, 8e-3 - 0.5e-3 * f64::from(tick));
-///     ball.tick(&hand);
+///     ball.tick(&Pose::at(hand));
 /// }
-/// assert!((ball.force() - Vec3::z() * 2.0).norm() < 1e-9);
-/// assert!((ball.proxy() - Vec3::z() * 5e-3).norm() < 1e-9);
+/// assert!((ball.wrench().force - Vec3::z() * 2.0).norm() < 1e-9);
+/// assert!((ball.proxy().position - Vec3::z() * 5e-3).norm() < 1e-9);
 /// ```
 #[derive(Clone, Debug)]
 pub struct Tool {
@@ -179,14 +220,14 @@ pub struct Tool {
     /// The sites as rendered last (m).
     places: [Vec3; MAX_SITES],
     contacts: Contacts,
-    proxy: Option<Vec3>,
-    /// The offset of the proxy when the message came (m), which fades.
-    offset: Vec3,
-    /// The force of contacts that went with the message (N), which fades.
-    carried: Vec3,
+    proxy: Option<Pose>,
+    /// The offset of the proxy when the message came, which fades.
+    offset: Offset,
+    /// The wrench of contacts that went with the message, which fades.
+    carried: Wrench,
     fade: f64,
     fade_step: f64,
-    /// The change of the force in the last tick (N).
+    /// The change of the wrench in the last tick, as [`Self::felt`] (N).
     change: f64,
     has_room: bool,
     /// The sites without contact forces, without their offsets.
@@ -218,8 +259,8 @@ impl Tool {
             places: [Vec3::zeros(); MAX_SITES],
             contacts: Contacts::new(),
             proxy: None,
-            offset: Vec3::zeros(),
-            carried: Vec3::zeros(),
+            offset: Offset::ZERO,
+            carried: Wrench::zero(),
             fade: 0.0,
             fade_step: 0.0,
             change: 0.0,
@@ -259,9 +300,9 @@ impl Tool {
         checked
     }
 
-    /// One tick with the hand at a place (m). Returns the force on the hand (N).
-    pub fn tick(&mut self, hand: &Vec3) -> Vec3 {
-        let was = self.force();
+    /// One tick with the hand at a pose. Returns the wrench on the hand, the moment about the centre of the tool.
+    pub fn tick(&mut self, hand: &Pose) -> Wrench {
+        let was = self.wrench();
         let is_carried = self.is_pending && !self.contacts.is_empty();
         if self.is_pending {
             self.is_pending = false;
@@ -270,20 +311,20 @@ impl Tool {
         }
         self.move_to(hand);
         if is_carried {
-            self.carry(was - self.contact_force());
+            self.carry(&was.plus(&self.contact_wrench().scaled(-1.0)));
         }
-        let force = self.force();
-        self.change = (force - was).norm();
-        force
+        let wrench = self.wrench();
+        self.change = self.felt(&wrench.plus(&was.scaled(-1.0)));
+        wrench
     }
 
-    /// Moves the hand to a place (m).
-    fn move_to(&mut self, hand: &Vec3) {
+    /// Moves the hand to a pose.
+    fn move_to(&mut self, hand: &Pose) {
         let fade = (self.fade - self.fade_step).max(0.0);
-        let before = self.proxy.unwrap_or(*hand);
-        let centre = hand + self.offset * fade;
-        if self.contacts.is_empty() && self.is_away_from(&centre, &before) {
-            (self.fade, self.proxy) = (fade, Some(centre));
+        let led = self.led(hand, fade);
+        let before = self.proxy.unwrap_or(led);
+        if self.contacts.is_empty() && self.is_away_from(&led.position, &before.position) {
+            (self.fade, self.proxy) = (fade, Some(led));
             self.is_away = true;
             return;
         }
@@ -293,83 +334,150 @@ impl Tool {
         let fraction = 1.0 / (1.0 + self.relaxation.gain);
         let (mut proxy, mut places) = (before, self.places);
         // Where the tool would be if the forces of the last tick stayed.
-        let held = centre + self.patch.head.floor * self.contact_force();
+        let held = self.yielded(&led, &self.contact_wrench());
+        let way = (held.position - before.position).norm() + self.extent * angle(&held, &before);
         let lengths = Lengths {
             radius: self.config.radius,
-            reach: REACH * ((held - before).norm() + self.most_motion(&free)),
+            reach: REACH * (way + self.most_motion(&free)),
             extent: self.extent,
             parting: self.config.parting * self.config.period,
         };
-        let hull = &self.config.hull;
+        let hull_before = self.hull_at(&before);
+        let mut hull = hull_before;
+        let (mut turned, softness) = (None, self.softness());
         for pass in 0..LINEARIZED {
             let was = Places {
-                hull,
-                centre: &before,
+                hull: &hull_before,
+                centre: &before.position,
                 sites: &self.places,
             };
             let now = Places {
-                hull,
-                centre: &proxy,
+                hull: &hull,
+                centre: &proxy.position,
                 sites: &places,
             };
             let triangles = self.patch.head.triangles();
-            let found = find(triangles, [was, now], &lengths, &self.contacts);
-            if pass > 0 && are_clear(&found, self.config.radius) {
+            let found = find(triangles, [was, now], &lengths, softness, &self.contacts);
+            if pass > 0 && are_clear(&found, self.config.radius, softness) {
                 break;
             }
             self.contacts = found;
             if self.contacts.is_empty() {
-                (proxy, places) = (centre, free);
+                (proxy, places) = (led, free);
                 break;
             }
+            let turning = self.config.turns.then(|| Turning {
+                free: turn(&proxy, &led),
+                before: turn(&proxy, &before),
+                floor: &self.patch.head.turning_floor,
+            });
             let yielding = Yielding {
-                centre,
+                centre: led.position,
+                turning,
                 sites: &free,
                 compliance: &self.patch.compliance,
                 fraction,
                 floor: &self.patch.head.floor,
+                softness,
                 is_rigid: self.is_rigid,
             };
             self.has_room = solve(&mut self.contacts, &yielding, self.config.radius);
-            proxy = centre + self.patch.head.floor * self.contact_force();
+            let found_at = proxy;
+            proxy = self.yielded(&led, &self.contact_wrench());
+            turned = turning.map(|turning| turn(&found_at, &proxy) - turning.before);
+            hull = self.hull_at(&proxy);
             places = self.loaded(&free, &loads(&self.contacts), fraction);
         }
         let now = Places {
-            hull: &self.config.hull,
-            centre: &proxy,
+            hull: &hull,
+            centre: &proxy.position,
             sites: &places,
         };
-        settle(&mut self.contacts, &now);
+        settle(&mut self.contacts, &now, turned, softness);
         self.relax(&places);
         (self.proxy, self.places) = (Some(proxy), places);
-        let start = proxy + self.force();
+        let wrench = self.wrench();
+        let start = proxy.position + wrench.force + wrench.moment + proxy.rotation.imag();
         let sum = places.iter().fold(start, |sum, place| sum + place);
         if !sum.iter().all(|x| x.is_finite()) {
             self.begin_again();
         }
     }
 
-    /// Carries the force of which a message has deprived the hand (N), beyond what no hand feels.
-    fn carry(&mut self, missing: Vec3) {
-        let unfelt = UNFELT + self.change;
-        let part = 1.0 - unfelt / missing.norm();
-        // The force fades from this tick on.
-        self.carried = if part > 0.0 && self.fade > 0.0 {
-            missing * (part / self.fade)
+    /// The pose to which the hand would lead the tool without contact forces.
+    fn led(&self, hand: &Pose, fade: f64) -> Pose {
+        let mut led = Pose::at(hand.position + self.offset.way * fade);
+        if self.config.turns {
+            led.rotation = small_turn(&(self.offset.turn * fade)) * hand.rotation;
+        }
+        led
+    }
+
+    /// The pose of the tool that is led to a pose, under a wrench.
+    fn yielded(&self, led: &Pose, wrench: &Wrench) -> Pose {
+        let head = &self.patch.head;
+        let mut pose = *led;
+        pose.position += head.floor * wrench.force;
+        if self.config.turns {
+            pose.rotation = small_turn(&(head.turning_floor * wrench.moment)) * led.rotation;
+        }
+        pose
+    }
+
+    /// The hull of the tool at a pose.
+    fn hull_at(&self, pose: &Pose) -> Hull {
+        if self.config.turns {
+            self.config.hull.turned(&pose.rotation)
         } else {
-            Vec3::zeros()
+            self.config.hull
+        }
+    }
+
+    /// The compliance of the contacts themselves. A tool that keeps its attitude needs none.
+    fn softness(&self) -> Softness {
+        if self.config.turns {
+            Softness {
+                along: SOFT / self.config.stiffest,
+                across: SOFT_ACROSS / self.config.stiffest,
+                rolls: self.is_rigid,
+            }
+        } else {
+            Softness::default()
+        }
+    }
+
+    /// A wrench as the hand feels it (N): a moment counts as the force at the surface of the tool.
+    fn felt(&self, wrench: &Wrench) -> f64 {
+        wrench.force.norm() + wrench.moment.norm() / (self.extent + self.config.radius)
+    }
+
+    /// Carries the wrench of which a message has deprived the hand, beyond what no hand feels.
+    fn carry(&mut self, missing: &Wrench) {
+        let unfelt = UNFELT + self.change;
+        let part = 1.0 - unfelt / self.felt(missing);
+        // The wrench fades from this tick on.
+        self.carried = if part > 0.0 && self.fade > 0.0 {
+            missing.scaled(part / self.fade)
+        } else {
+            Wrench::zero()
         };
     }
 
-    /// The force on the hand (N).
-    pub fn force(&self) -> Vec3 {
-        self.contact_force() + self.carried * self.fade
+    /// The wrench on the hand. The moment is zero for a tool that keeps its attitude.
+    pub fn wrench(&self) -> Wrench {
+        self.contact_wrench().plus(&self.carried.scaled(self.fade))
     }
 
-    /// The force of the contacts (N).
-    fn contact_force(&self) -> Vec3 {
-        let forces = self.contacts.iter().map(Contact::force);
-        forces.fold(Vec3::zeros(), |sum, force| sum + force)
+    /// The wrench of the contacts.
+    fn contact_wrench(&self) -> Wrench {
+        let mut sum = Wrench::zero();
+        for contact in &self.contacts {
+            sum.force += contact.force();
+            if self.config.turns {
+                sum.moment += contact.moment();
+            }
+        }
+        sum
     }
 
     /// The energy that the hand could get back (J): that of the surface under the contact forces, and that of the floor.
@@ -377,8 +485,9 @@ impl Tool {
         if self.contacts.is_empty() {
             return 0.0;
         }
-        let force = self.contact_force();
-        let mut sum = force.dot(&(self.patch.head.floor * force));
+        let (Wrench { force, moment }, head) = (self.contact_wrench(), &self.patch.head);
+        let mut sum = force.dot(&(head.floor * force));
+        sum += moment.dot(&(head.turning_floor * moment));
         for (load, state) in loads(&self.contacts).iter().zip(&self.sites) {
             // `W f - r`: the displacement by the contact forces, without the part that relaxes.
             sum += load.dot(&(state.stretch - state.bias));
@@ -392,9 +501,9 @@ impl Tool {
         self.patch.head.sequence
     }
 
-    /// The centre of the tool on the surface (m); the origin before the first tick.
-    pub fn proxy(&self) -> Vec3 {
-        self.proxy.unwrap_or_default()
+    /// The pose of the tool on the surface; at the origin before the first tick.
+    pub fn proxy(&self) -> Pose {
+        self.proxy.unwrap_or(Pose::identity())
     }
 
     /// The contacts within reach.
@@ -422,8 +531,8 @@ impl Tool {
     #[cold]
     fn begin_again(&mut self) {
         self.contacts.clear();
-        (self.proxy, self.offset) = (None, Vec3::zeros());
-        (self.carried, self.change) = (Vec3::zeros(), 0.0);
+        (self.proxy, self.offset) = (None, Offset::ZERO);
+        (self.carried, self.change) = (Wrench::zero(), 0.0);
         let each = self.sites.iter_mut().zip(&mut self.places);
         for ((state, place), site) in each.zip(&self.patch.sites) {
             *state = SiteState {
@@ -493,10 +602,14 @@ impl Tool {
             }
         }
         self.contacts = contacts;
-        let offset = self.offset * self.fade + (old.floor - new.floor) * self.contact_force();
-        self.carried *= self.fade;
+        let (Wrench { force, moment }, fade) = (self.contact_wrench(), self.fade);
+        let offset = Offset {
+            way: self.offset.way * fade + (old.floor - new.floor) * force,
+            turn: self.offset.turn * fade + (old.turning_floor - new.turning_floor) * moment,
+        };
+        self.carried = self.carried.scaled(fade);
         self.patch.copy_used_from(&self.pending);
-        self.offset = if before > 0 { offset } else { Vec3::zeros() };
+        self.offset = if before > 0 { offset } else { Offset::ZERO };
         self.relaxation = self.relaxation();
         self.is_rigid = self.patch.is_rigid();
         self.begin_sites(&kept, count);

@@ -64,6 +64,8 @@ pub struct PatchHead {
     /// The compliance (m/N) that the device adds where the surface is stiffer than the device can render: `1/K_t - 1/K`, if
     /// positive, by direction.
     pub floor: Mat3,
+    /// The same of the tool's rotation about its centre (rad/(N m)).
+    pub turning_floor: Mat3,
     /// Number of sites, as the patch claims.
     pub site_count: u8,
     /// Number of triangles, as the patch claims.
@@ -83,6 +85,7 @@ impl PatchHead {
             damping: 0.0,
             stiffness: f64::INFINITY,
             floor: Mat3::zeros(),
+            turning_floor: Mat3::zeros(),
             site_count: 0,
             triangle_count: 0,
             triangles: [Triangle::default(); MAX_TRIANGLES],
@@ -228,6 +231,7 @@ pub(super) fn check(patch: &impl Publication<Head = PatchHead>) -> Result<(), Pa
         && head.stiffness > 0.0
         && numbers.all(|number| number.is_finite() && number >= 0.0)
         && is_finite(&head.floor)
+        && is_finite(&head.turning_floor)
         && patch.rows().iter().all(Site::is_finite)
         && patch.blocks().flatten().all(is_finite);
     if is_sound {

@@ -11,8 +11,8 @@ use rt_core::local_model::PackedModel;
 use rt_core::tool::{PackedPatch, Tool};
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
-    Capabilities, Controller, Device, DeviceError, DeviceState, LocalModel, Telemetry, TickRecord,
-    Vec3, Wrench, cycle,
+    Capabilities, Controller, Device, DeviceError, DeviceState, LocalModel, Pose, Telemetry,
+    TickRecord, Vec3, Wrench, cycle,
 };
 
 unsafe extern "Rust" {
@@ -123,8 +123,8 @@ pub fn law_tool_accept(tool: &mut Tool, patch: &PackedPatch<'_>) -> bool {
     tool.accept(patch).is_ok()
 }
 
-/// A tool in contact: any patch, any place of the hand.
+/// A tool in contact: any patch, any pose of the hand.
 #[unsafe(no_mangle)]
-pub fn law_tool_tick(tool: &mut Tool, hand: &Vec3) -> Vec3 {
+pub fn law_tool_tick(tool: &mut Tool, hand: &Pose) -> Wrench {
     tool.tick(hand)
 }

@@ -28,7 +28,7 @@ use crate::error::CondenseError;
 use crate::lanes::{to_node, to_vec};
 use crate::linear::dense::{Eigen, Square};
 use crate::motion::stepper::{Limits, Solved, Stepper, StepperReport};
-use crate::{Mat3, Vec3};
+use crate::{Mat3, Mat6, Vec3};
 
 /// The least pivot of `S`, as a fraction of its diagonal: what the iterations leave tells no two sites apart.
 const LEAST_PIVOT: f64 = 1e-6;
@@ -349,9 +349,10 @@ impl SiteCompliance {
     }
 }
 
-/// The stiffness (N/m) of points against a common displacement, from their compliance `between` each two of `count` (m/N). `None`
-/// if a point does not yield.
-pub fn resultant(count: usize, between: &dyn Fn(usize, usize) -> Mat3) -> Option<Mat3> {
+/// The stiffness (N/m, N, N m) of points against a common displacement and a common rotation, from their compliance `between` each two of
+/// them (m/N) and their `arms` from the centre of the rotation (m). `None` if a point does not yield.
+pub fn resultant(arms: &[Vec3], between: &dyn Fn(usize, usize) -> Mat3) -> Option<Mat6> {
+    let count = arms.len();
     let mut factor = Square::zeros(3 * count);
     for column in 0..3 * count {
         for row in 0..3 * count {
@@ -362,15 +363,19 @@ pub fn resultant(count: usize, between: &dyn Fn(usize, usize) -> Mat3) -> Option
         return None;
     }
     factorize(&mut factor);
-    // By axis: the common displacement, times the inverse of the factor.
-    let mut moved = Square::zeros(3 * count);
-    for column in 0..3 {
-        for row in (column..3 * count).step_by(3) {
-            moved[(row, column)] = 1.0;
+    // By motion: the displacements of the points, times the inverse of the factor.
+    let mut moved = Square::zeros((3 * count).max(6));
+    for column in 0..6 {
+        let axis = Vec3::ith(column % 3, 1.0);
+        for (point, arm) in arms.iter().enumerate() {
+            let way = if column < 3 { axis } else { axis.cross(arm) };
+            for (row, way) in way.iter().enumerate() {
+                moved[(3 * point + row, column)] = *way;
+            }
         }
         substitute(&factor, &mut moved, column);
     }
-    Some(Mat3::from_fn(|i, j| {
+    Some(Mat6::from_fn(|i, j| {
         let rows = 0..3 * count;
         rows.map(|row| moved[(row, i)] * moved[(row, j)]).sum()
     }))

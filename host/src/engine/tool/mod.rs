@@ -9,19 +9,20 @@ mod sites;
 mod triangles;
 
 use super::body::HostBody;
-use super::hands::{CATCH_UP, shortened};
+use super::hands::catch_up;
 use super::path::HandlePath;
 use super::plan::renderable;
 use crate::scene::LoadedScene;
 use crate::scene::spec::contact::FRICTION;
 use crate::scene::spec::{Host, Scene, Tool};
 use crate::world::World;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use near::{Around, Surface, Vertex, Wall};
 use physics::contact::obstacle::TimedPose;
 use physics::contact::rounded::Rounded;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
-use physics::{Beside, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
+use physics::{Beside, HandlePose, Mat3, ShapeOptions, SiteCompliance, Vec3, resultant};
+use rt_core::hull::Hull;
 use rt_core::tool::{MAX_SITES, Patch};
 use rt_core::{Pose, TickRecord};
 use sites::Spread;
@@ -38,8 +39,10 @@ const LOADED: f64 = 1e-3;
 /// The force (N) of the device's stiffest spring at whose depth a tool that just touches has met all sites that count as loaded: a flat
 /// tool meets many of them at once.
 const SOON: f64 = 0.3;
-/// The stiffest spring (N/m) that any device renders, also one of unknown friction and damping.
+/// The stiffest springs (N/m, N m/rad) that any device renders, also one of unknown friction and damping: the second one is the first one
+/// at a lever of 0.1 m.
 const STIFFEST: f64 = 3000.0;
+const STIFFEST_TURNING: f64 = 30.0;
 /// The residual of a shape (N), which a force of 1 N causes: the compliance is right to this fraction.
 const TOLERANCE: f64 = 1e-3;
 /// Number of sites whose compliance is renewed with a patch, in turn.
@@ -58,6 +61,8 @@ pub(super) struct ToolSpec {
     pub start: Vec3,
     /// The stiffest spring that the device can render (N/m).
     pub stiffest: f64,
+    /// The stiffest rotational spring that it can render (N m/rad); `None` for a tool that keeps its attitude.
+    pub turning: Option<f64>,
     /// Cut-off of its path (Hz).
     pub cutoff: f64,
     /// The publication period, and the largest age at which a patch must be good (s).
@@ -69,8 +74,9 @@ pub(super) struct ToolSpec {
 pub(super) struct HostTool {
     spec: ToolSpec,
     path: HandlePath,
-    /// Where the centre is at the end of the step (m).
-    centre: Vec3,
+    /// Where the tool is at the end of the step, and its hull there, about its centre, in axes of the scene.
+    pose: HandlePose,
+    hull: Hull,
     slots: [Option<Vertex>; MAX_SITES],
     /// By body; `None` before the tool came near.
     compliance: [Option<Box<SiteCompliance>>; MOST_BODIES],
@@ -83,6 +89,12 @@ pub(super) struct HostTool {
 /// The stiffest spring that the tool of a device renders (N/m, scene).
 pub(crate) fn stiffest(loaded: &LoadedScene, device: usize) -> f64 {
     renderable(loaded)[device].stiffness.min(STIFFEST)
+}
+
+/// The same of rotation (N m/rad); `None` for a device that does not turn its tool.
+pub(crate) fn stiffest_turning(loaded: &LoadedScene, device: usize) -> Option<f64> {
+    let turns = loaded.models[device].rotation.is_some();
+    turns.then(|| renderable(loaded)[device].turning.min(STIFFEST_TURNING))
 }
 
 /// The largest age at which a patch must be good (s).
@@ -117,6 +129,7 @@ pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
             shape: Arc::clone(shape),
             start: tool.position.into(),
             stiffest: stiffest(world.loaded, device),
+            turning: stiffest_turning(world.loaded, device),
             cutoff: scene.host.smoothing,
             period: 1.0 / scene.host.publish_rate,
             horizon: horizon(&scene.host),
@@ -130,7 +143,11 @@ impl HostTool {
     fn new(spec: ToolSpec, walls: Vec<Wall>) -> Self {
         Self {
             path: HandlePath::new(spec.device, spec.cutoff, Pose::at(spec.start)),
-            centre: spec.start,
+            pose: HandlePose {
+                position: spec.start,
+                rotation: UnitQuaternion::identity(),
+            },
+            hull: *spec.shape.hull(),
             slots: [None; MAX_SITES],
             compliance: [const { None }; MOST_BODIES],
             surface: Surface::default(),
@@ -143,24 +160,26 @@ impl HostTool {
 
     /// Takes one tick's record.
     pub(super) fn follow(&mut self, record: &TickRecord) {
-        if let Some(Some(place)) = record.tools.get(self.spec.device) {
-            self.path.follow_to(record.time_ns, &Pose::at(*place));
+        if let Some(Some(pose)) = record.tools.get(self.spec.device) {
+            self.path.follow_to(record.time_ns, pose);
         }
     }
 
-    /// Moves the tool to its place at the end of a step between these times (s), no faster than its hand plus [`CATCH_UP`].
+    /// Moves the tool to its pose at the end of a step between these times (s), as [`catch_up`] lets it.
     pub(super) fn lead(&mut self, contacts: &mut Contacts, [from, to]: [f64; 2]) {
         self.is_published = false;
-        let target = self.path.pose_at((to * 1e9).round() as u64).position;
-        let way = target - self.centre;
-        let most = (self.path.velocity().norm() + CATCH_UP) * (to - from);
-        let before = self.centre;
-        self.centre += way * shortened(way.norm(), most).unwrap_or(1.0);
-        let rows = [(from, before), (to, self.centre)].map(|(time, place)| TimedPose {
+        let target = self.path.pose_at((to * 1e9).round() as u64);
+        let before = self.pose;
+        (self.pose.position, self.pose.rotation) = (target.position, target.rotation);
+        catch_up(&self.path, &before, &mut self.pose, to - from);
+        let rows = [(from, &before), (to, &self.pose)].map(|(time, pose)| TimedPose {
             time,
-            pose: Isometry3::translation(place.x, place.y, place.z),
+            pose: Isometry3::from_parts(Translation3::from(pose.position), pose.rotation),
         });
         contacts.lead(self.spec.obstacle, rows);
+        if self.spec.turning.is_some() {
+            self.hull = self.spec.shape.hull().turned(&self.pose.rotation);
+        }
     }
 
     /// The patch of the present step, with the device of the tool.
@@ -182,19 +201,21 @@ impl HostTool {
         if !contacts.moved_as_solved(Side::Obstacle(self.spec.obstacle)) {
             return;
         }
-        let speed = self.path.velocity().norm().max(LEAST_SPEED);
+        let (hull, radius) = (self.hull, self.spec.shape.radius());
+        let turning = self.path.turning().norm() * hull.extent();
+        let speed = (self.path.velocity().norm() + turning).max(LEAST_SPEED);
         let way = REACH * speed * self.spec.horizon;
-        let shape = Arc::clone(&self.spec.shape);
         let around = Around {
             obstacle: self.spec.obstacle,
-            shape: &shape,
-            centre: self.centre,
-            beyond: way.max(LEAST_REACH * shape.radius()),
+            hull: &hull,
+            radius,
+            centre: self.pose.position,
+            beyond: way.max(LEAST_REACH * radius),
             time: time_ns as f64 * 1e-9 + self.spec.horizon - 0.5 * self.spec.period,
         };
         self.surface.find(&around, &self.walls, contacts, bodies);
         self.surface.load(self.spec.obstacle, contacts);
-        let spread = Spread::of(&shape);
+        let spread = Spread::of(&hull, radius);
         spread.choose(&mut self.surface.vertices, &mut self.slots);
         self.fill();
         triangles::join(&self.surface, &around, &mut self.patch);
@@ -273,16 +294,19 @@ impl HostTool {
         Some(())
     }
 
-    /// The stiffness of the resultant, and the floor: `1 / K_t - 1 / K` by direction, where it is positive.
+    /// The stiffness of the resultant, and the floors: `1 / K_t - 1 / K` by direction, where it is positive.
     fn floor(&mut self) {
-        let rigid = Mat3::identity() / self.spec.stiffest;
+        let centre = self.pose.position;
         // A place seen from the nearest point of the hull (m).
         let apart = |place: &Vec3| {
-            let own = place - self.centre;
-            own - self.spec.shape.hull().nearest_to(&own).point
+            let own = place - centre;
+            own - self.hull.nearest_to(&own).point
         };
         let head = &mut self.patch.head;
-        (head.stiffness, head.floor) = (f64::INFINITY, rigid);
+        head.stiffness = f64::INFINITY;
+        head.floor = Mat3::identity() / self.spec.stiffest;
+        let turning = self.spec.turning;
+        head.turning_floor = Mat3::identity() * turning.map_or(0.0, f64::recip);
         let is_wall = |slot: &Option<Vertex>| {
             slot.is_some_and(|vertex| matches!(vertex.side, Side::Obstacle(_)))
         };
@@ -308,9 +332,12 @@ impl HostTool {
             loaded.truncate(count.max(3));
         }
         let between = |one: usize, other: usize| self.patch.compliance[loaded[one]][loaded[other]];
-        let Some(stiffness) = resultant(loaded.len(), &between) else {
+        let arms = loaded.iter().map(|slot| sites[*slot].place - centre);
+        let Some(stiffness) = resultant(&arms.collect::<Vec<_>>(), &between) else {
             return;
         };
+        let along_axes = stiffness.fixed_view::<3, 3>(0, 0).into_owned();
+        let about_axes = stiffness.fixed_view::<3, 3>(3, 3).into_owned();
         let along = loaded.iter().map(|slot| sites[*slot].force).sum::<Vec3>();
         let along = if along.norm() > 0.0 {
             along
@@ -320,19 +347,28 @@ impl HostTool {
                 .map_or(Vec3::z(), |slot| apart(&sites[*slot].place))
         };
         let along = along / along.norm().max(f64::MIN_POSITIVE);
-        let whole = along.dot(&(stiffness * along));
+        let whole = along.dot(&(along_axes * along));
         if whole.is_finite() && whole > 0.0 {
             head.stiffness = whole;
-            let parts = stiffness.symmetric_eigen();
-            head.floor = Mat3::zeros();
-            for (value, axis) in parts
-                .eigenvalues
-                .iter()
-                .zip(parts.eigenvectors.column_iter())
-            {
-                let more = (1.0 / self.spec.stiffest - 1.0 / value.max(f64::MIN_POSITIVE)).max(0.0);
-                head.floor += axis * axis.transpose() * more;
+            head.floor = missing(&along_axes, self.spec.stiffest);
+            if let Some(most) = turning {
+                head.turning_floor = missing(&about_axes, most);
+                // The springs of rotation must be as far below those of the device.
+                let turning = about_axes.symmetric_eigenvalues().max() / most;
+                head.stiffness = whole.max(turning * self.spec.stiffest);
             }
         }
     }
+}
+
+/// The compliance that a spring lacks, by direction, to be no stiffer than `most`.
+fn missing(stiffness: &Mat3, most: f64) -> Mat3 {
+    let parts = stiffness.symmetric_eigen();
+    let each = parts.eigenvalues.iter();
+    let each = each.zip(parts.eigenvectors.column_iter());
+    each.map(|(value, axis)| {
+        let more = (1.0 / most - 1.0 / value.max(f64::MIN_POSITIVE)).max(0.0);
+        axis * axis.transpose() * more
+    })
+    .sum()
 }

@@ -1,10 +1,10 @@
 //! The surface near a tool: the triangles of bodies and obstacles within reach, with their vertices.
 
 use crate::engine::body::HostBody;
-use physics::contact::rounded::Rounded;
 use physics::contact::vicinity::Vicinity;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
 use physics::{Footprint, Vec3};
+use rt_core::hull::Hull;
 use std::collections::HashMap;
 
 /// The bits of a vertex in its number. The others are for 72 sides.
@@ -76,8 +76,10 @@ pub(super) struct Wall {
 pub(super) struct Around<'a> {
     /// Its number among the obstacles.
     pub obstacle: usize,
-    /// Its shape about its centre.
-    pub shape: &'a Rounded,
+    /// Its hull about its centre, in axes of the scene.
+    pub hull: &'a Hull,
+    /// Its radius (m).
+    pub radius: f64,
     /// Its centre (m).
     pub centre: Vec3,
     /// The distance beyond the radius (m).
@@ -128,8 +130,8 @@ impl Surface {
             };
             let body = bodies[number].body();
             let (x, v) = (body.node_positions(), body.node_velocities());
-            let reach = around.shape.radius() + meeting.distance + around.beyond;
-            let extent = around.shape.hull().extent();
+            let reach = around.radius + meeting.distance + around.beyond;
+            let extent = around.hull.extent();
             let first = part.vertices.start;
             let range = part.triangles.start as usize..part.triangles.end as usize;
             for triangle in &surfaces.triangles[range] {
@@ -143,7 +145,7 @@ impl Surface {
                     continue;
                 }
                 let own = corners.map(|corner| corner - centre);
-                let near = around.shape.hull().nearest(own.each_ref());
+                let near = around.hull.nearest(own.each_ref());
                 let foot = own.iter().zip(near.weights);
                 let apart = near.point - foot.map(|(corner, weight)| corner * weight).sum::<Vec3>();
                 let distance = apart.norm();
@@ -170,17 +172,11 @@ impl Surface {
     fn find_walls(&mut self, around: &Around<'_>, walls: &[Wall], contacts: &Contacts) {
         self.searches = self.searches.wrapping_add(1);
         for wall in walls {
-            let reach = around.shape.radius() + wall.skin + around.beyond;
+            let reach = around.radius + wall.skin + around.beyond;
             let mut vicinity = core::mem::take(&mut self.vicinity);
             let obstacle = contacts.obstacle(wall.obstacle);
             let lengths = [reach, around.beyond];
-            vicinity.find(
-                obstacle,
-                around.time,
-                around.shape.hull(),
-                &around.centre,
-                lengths,
-            );
+            vicinity.find(obstacle, around.time, around.hull, &around.centre, lengths);
             let from = if vicinity.are_kept() {
                 0
             } else {
@@ -213,7 +209,7 @@ impl Surface {
             let vertex = Vertex { side, node: *node };
             *number = *self.places.entry(vertex).or_insert_with(|| {
                 let own = place - around.centre;
-                let on_tool = around.shape.hull().nearest_to(&own).point;
+                let on_tool = around.hull.nearest_to(&own).point;
                 self.vertices.push(Near {
                     vertex,
                     place,

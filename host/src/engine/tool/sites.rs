@@ -7,7 +7,7 @@
 
 use super::near::{Near, Vertex};
 use physics::Vec3;
-use physics::contact::rounded::Rounded;
+use rt_core::hull::Hull;
 use rt_core::tool::MAX_SITES;
 
 /// The scale of the distances between sites in the first trial, by how much it is larger in each next one while there are too many
@@ -28,18 +28,17 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    pub(super) fn of(shape: &Rounded) -> Self {
-        let hull = shape.hull();
+    pub(super) fn of(hull: &Hull, radius: f64) -> Self {
         let corners = hull.corners().iter();
         let longest = corners.max_by(|a, b| a.norm().total_cmp(&b.norm()));
         let along = longest.and_then(|corner| corner.try_normalize(0.0));
         let along = along.unwrap_or_default();
         let aside = |corner: &Vec3| (corner - along * along.dot(corner)).norm();
         let width = hull.corners().iter().map(aside).fold(0.0, f64::max);
-        let size = hull.extent() + shape.radius();
+        let size = hull.extent() + radius;
         Self {
             size,
-            across: (size / (width + shape.radius())).sqrt(),
+            across: (size / (width + radius)).sqrt(),
         }
     }
 

@@ -6,7 +6,6 @@
 
 use super::near::{Around, Surface};
 use physics::Vec3;
-use physics::contact::rounded::Rounded;
 use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
 
 /// The fraction of the distance of the surface from the hull: a triangle that is still nearer than this would push the tool away
@@ -44,7 +43,7 @@ impl Joined {
 
     fn foot(&self, around: &Around<'_>, patch: &Patch) -> Foot {
         let own = self.places(patch).map(|place| place - around.centre);
-        let near = around.shape.hull().nearest(own.each_ref());
+        let near = around.hull.nearest(own.each_ref());
         let each = own.iter().zip(near.weights);
         Foot {
             weights: near.weights,
@@ -65,8 +64,8 @@ pub(super) fn join(surface: &Surface, around: &Around<'_>, patch: &mut Patch) {
     let skin = each.fold(0.0, f64::max);
     let nearest = surface.triangles.first();
     let nearest = nearest.map_or(0.0, |triangle| triangle.distance - skin);
-    let shape = around.shape;
-    make_room(&joined, nearest, gaps(surface, shape, patch), around, patch);
+    let gaps = gaps(surface, around.radius, patch);
+    make_room(&joined, nearest, gaps, around, patch);
     patch.head.triangle_count = 0;
     for triangle in &joined {
         let is_clear = triangle.foot(around, patch).apart.norm() > CUTS * nearest;
@@ -112,12 +111,12 @@ fn joined(surface: &Surface, patch: &Patch) -> heapless::Vec<Joined, MAX_TRIANGL
 }
 
 /// The gap between the tool and the vertex of each site (m).
-fn gaps(surface: &Surface, shape: &Rounded, patch: &Patch) -> [f64; MAX_SITES] {
+fn gaps(surface: &Surface, radius: f64, patch: &Patch) -> [f64; MAX_SITES] {
     let mut gaps = [0.0; MAX_SITES];
     for (gap, site) in gaps.iter_mut().zip(&patch.sites) {
         let mut vertices = surface.vertices.iter();
         let near = vertices.find(|near| near.vertex.number() == site.vertex);
-        *gap = near.map_or(0.0, |near| near.distance - near.skin - shape.radius());
+        *gap = near.map_or(0.0, |near| near.distance - near.skin - radius);
     }
     gaps
 }
@@ -130,7 +129,7 @@ fn make_room(
     around: &Around<'_>,
     patch: &mut Patch,
 ) {
-    let apart = APART * around.shape.radius();
+    let apart = APART * around.radius;
     let moves = gaps.map(|gap| (gap / apart).clamp(0.0, 1.0));
     for _ in 0..SWEEPS {
         for triangle in joined {

@@ -4,7 +4,7 @@ use crate::record::totals::place;
 use crate::record::{LoggedReading, TickRow};
 use rt_core::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
-use rt_core::{MAX_DEVICES, Telemetry, Vec3};
+use rt_core::{MAX_DEVICES, Pose, Telemetry, Vec3};
 
 /// A tick, borrowed from a run's [`Telemetry`] or from a row of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct TickView<'a> {
     pub places: [Option<Vec3>; MAX_DEVICES],
     /// The bodies, in the scene's order.
     pub bodies: &'a [BodyTelemetry],
+    /// The poses of the tools on the surfaces (scene), by device.
+    pub tools: [Option<Pose>; MAX_DEVICES],
 }
 
 /// The places of `devices` that gave these `readings`.
@@ -47,6 +49,7 @@ impl<'a> From<&'a Telemetry> for TickView<'a> {
             devices: &telemetry.devices[..devices],
             places: places(&telemetry.devices[..devices], telemetry.readings().copied()),
             bodies: &telemetry.bodies[..bodies],
+            tools: telemetry.tick_record().tools,
         }
     }
 }
@@ -63,6 +66,7 @@ impl<'a> From<&'a TickRow> for TickView<'a> {
                 row.readings.iter().map(LoggedReading::reading),
             ),
             bodies: &row.bodies,
+            tools: row.tools(),
         }
     }
 }

@@ -250,6 +250,7 @@ impl ToolHost {
             latency_ns: (latency * 1e9) as u64,
             tool: Tool::new(ToolConfig {
                 hull: shape.map_or(Hull::POINT, |shape| *shape.hull()),
+                turns: false,
                 radius: shape.map_or(0.0, |shape| shape.radius()),
                 period: TICK,
                 stiffest: STIFFEST,
@@ -276,13 +277,10 @@ impl ToolHost {
             device_count: 1,
             ..TickRecord::empty()
         };
-        record.proxies[0] = (Pose::at(*hand), twist);
-        let place = if number == 1 {
-            *hand
-        } else {
-            self.tool.proxy()
-        };
-        record.tools[0] = Some(place);
+        let hand = Pose::at(*hand);
+        record.proxies[0] = (hand, twist);
+        let pose = if number == 1 { hand } else { self.tool.proxy() };
+        record.tools[0] = Some(pose);
         self.engine.follow(&record);
         while self.pacer.next_ns() <= time_ns {
             let at = self.pacer.next_ns();
@@ -308,8 +306,8 @@ impl ToolHost {
         let last = self.stiffness.last().copied().unwrap_or(f64::INFINITY);
         self.stiffness.resize(self.forces.len() + 1, last);
         self.arrivals.push(has_come);
-        self.forces.push(self.tool.tick(hand));
-        self.proxies.push(self.tool.proxy());
+        self.forces.push(self.tool.tick(&hand).force);
+        self.proxies.push(self.tool.proxy().position);
     }
 }
 

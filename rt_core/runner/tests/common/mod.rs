@@ -162,6 +162,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
     assert!(config.bodies.push(body).is_ok());
     let tool = ToolCouplingConfig {
         tool: ToolConfig {
+            turns: true,
             hull: Hull::POINT,
             radius: 5e-3,
             period: 1e-3,

@@ -1,6 +1,7 @@
 //! The law of a tool against analytic results: grooves, edges, the floor, friction, and messages that change nothing.
 
 mod shapes;
+mod turning;
 
 use super::*;
 use crate::geometry::Mat3;
@@ -10,6 +11,13 @@ use proptest::prelude::*;
 const PERIOD: f64 = 1e-3;
 const STIFFEST: f64 = 3000.0;
 
+impl Tool {
+    /// A tick with the hand at a place (m), not turned. Returns the force on the hand (N).
+    fn push(&mut self, hand: &Vec3) -> Vec3 {
+        self.tick(&Pose::at(*hand)).force
+    }
+}
+
 fn ball(radius: f64) -> Tool {
     rounded(&Hull::POINT, radius)
 }
@@ -17,6 +25,7 @@ fn ball(radius: f64) -> Tool {
 fn rounded(hull: &Hull, radius: f64) -> Tool {
     Tool::new(ToolConfig {
         hull: *hull,
+        turns: false,
         radius,
         period: PERIOD,
         stiffest: STIFFEST,
@@ -130,9 +139,9 @@ fn a_groove_is_never_entered() {
             let down = (0.1 * time).min(4e-3);
             let along = 0.1 * (time - 0.04).max(0.0);
             let across = 2e-3 * (60.0 * time).sin();
-            let force = tool.tick(&Vec3::new(across, along, rest + 1e-3 - down));
+            let force = tool.push(&Vec3::new(across, along, rest + 1e-3 - down));
             for normal in planes {
-                let depth = radius - normal.dot(&tool.proxy());
+                let depth = radius - normal.dot(&tool.proxy().position);
                 assert!(depth < 1e-6, "{opening} {friction} {tick}: {depth:e}");
             }
             assert!(tick < 50 || force.z > 0.0);
@@ -160,7 +169,7 @@ fn the_force_turns_over_an_edge_by_two_degrees_a_tick() {
             let down = Vec3::new(way.signum() * slope.cos(), 0.0, slope.sin());
             normal * distance + down * (way.abs() - arc)
         };
-        let force = tool.tick(&hand);
+        let force = tool.push(&hand);
         if let Some(last) = last {
             let angle = force.angle(&last).to_degrees();
             (most, turned) = (most.max(angle), turned + angle);
@@ -187,7 +196,7 @@ fn the_felt_stiffness_is_the_lesser_one_of_body_and_device() {
         let mut force = Vec3::zeros();
         for tick in 0..100 {
             let z = 0.05 + 1e-3 - 0.1e-3 * f64::from(tick.min(12));
-            force = tool.tick(&Vec3::new(2.5e-3, 2.5e-3, z));
+            force = tool.push(&Vec3::new(2.5e-3, 2.5e-3, z));
         }
         let felt = force.z / depth;
         let expected = stiffness.min(STIFFEST);
@@ -213,14 +222,14 @@ fn a_message_that_tells_nothing_new_changes_nothing() {
                 1e-3 * (2.0 * turn).sin(),
                 8e-3 - 4e-3 * (0.5 * turn).sin().abs(),
             );
-            let exact = truth.tick(&hand);
+            let exact = truth.push(&hand);
             sent.push(loads(truth.contacts()));
             if tick % 16 == 0 && tick > 4 {
                 let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
                 new.head.period = 0.016;
                 tool.accept(&new).unwrap();
             }
-            let force = tool.tick(&hand);
+            let force = tool.push(&hand);
             worst = worst.max((force - exact).norm());
             peak = peak.max(exact.norm());
         }
@@ -248,7 +257,7 @@ fn a_message_without_a_site_that_bears_force_keeps_the_force() {
         let turn = 2.0 * core::f64::consts::PI * time;
         let down = 4e-3 * (2.0 * time).min(1.0);
         let hand = Vec3::new(4e-3 * turn.sin(), 3e-3 * (2.0 * turn).sin(), 8e-3 - down);
-        let exact = truth.tick(&hand);
+        let exact = truth.push(&hand);
         sent.push(loads(truth.contacts()));
         if tick % 16 == 0 && tick > 4 {
             let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
@@ -266,7 +275,7 @@ fn a_message_without_a_site_that_bears_force_keeps_the_force() {
             met += tool.contacts().iter().filter(bears).count();
             tool.accept(&new).unwrap();
         }
-        let force = tool.tick(&hand);
+        let force = tool.push(&hand);
         worst = worst.max((force - exact).norm());
         peak = peak.max(exact.norm());
     }
@@ -300,9 +309,9 @@ fn a_contact_leaves_a_triangle_that_the_surface_has_no_longer() {
     tool.accept(&first).unwrap();
     let hand = Vec3::new(1e-3, 0.0, radius - 1e-3);
     for above in (0..50).rev() {
-        tool.tick(&(hand + Vec3::z() * (f64::from(above) * 1e-4)));
+        tool.push(&(hand + Vec3::z() * (f64::from(above) * 1e-4)));
     }
-    assert!((tool.force().z - 1e-3 * STIFFEST).abs() < 1e-9);
+    assert!((tool.wrench().force.z - 1e-3 * STIFFEST).abs() < 1e-9);
     let second = obstacle(&divided, 0.3);
     // The sites keep their slots.
     let slot = |vertex: u32| {
@@ -323,10 +332,10 @@ fn a_contact_leaves_a_triangle_that_the_surface_has_no_longer() {
     (first.head.sequence, first.head.period) = (2, 0.016);
     tool.accept(&first).unwrap();
     for _ in 0..200 {
-        tool.tick(&hand);
+        tool.push(&hand);
     }
     // Over the funnel, the tool is free, once the force of the former triangles has faded.
-    assert!(tool.force().norm() < 1e-9, "{}", tool.force());
+    assert!(tool.wrench().force.norm() < 1e-9, "{}", tool.wrench().force);
 }
 
 #[test]
@@ -345,7 +354,7 @@ fn friction_holds_up_to_the_cone_and_no_further() {
                 (f64::from(tick) * 0.05e-3).min(1e-3),
                 f64::from((tick - 50).max(0)) * 2e-5,
             );
-            let force = tool.tick(&Vec3::new(along, 0.3e-3, 5e-3 - down));
+            let force = tool.push(&Vec3::new(along, 0.3e-3, 5e-3 - down));
             let across = force.xy().norm();
             let [normal, friction] = tool
                 .contacts()
@@ -390,7 +399,7 @@ fn a_hold_with_tremor_does_not_creep() {
         let mut tool = ball(5e-3);
         tool.accept(&patch).unwrap();
         for tick in 0..=10 {
-            tool.tick(&Vec3::new(0.2e-3, 0.1e-3, 5e-3 - 0.1e-3 * f64::from(tick)));
+            tool.push(&Vec3::new(0.2e-3, 0.1e-3, 5e-3 - 0.1e-3 * f64::from(tick)));
         }
         // Pressed, and moved by 0.1 mm while it sticks: the force across tells how far the anchor is away.
         let mut held = |ticks: i32, tremor: f64| {
@@ -399,7 +408,7 @@ fn a_hold_with_tremor_does_not_creep() {
                 let time = f64::from(tick) * PERIOD;
                 let at = |rate: f64| tremor * (2.0 * core::f64::consts::PI * rate * time).sin();
                 let hand = Vec3::new(0.3e-3, 0.1e-3, 4e-3);
-                force = tool.tick(&(hand + Vec3::new(at(9.0), at(8.3), at(10.1))));
+                force = tool.push(&(hand + Vec3::new(at(9.0), at(8.3), at(10.1))));
             }
             force
         };
@@ -427,10 +436,10 @@ fn the_dampers_of_the_surface_give_their_impulse() {
         let mut tool = ball(0.05);
         tool.accept(&patch).unwrap();
         let above = Vec3::new(2.5e-3, 2.5e-3, 0.05);
-        tool.tick(&above);
+        tool.push(&above);
         let (depth, mut impulse, mut last) = (0.1e-3, 0.0, 0.0);
         for tick in 0..20_000 {
-            last = tool.tick(&(above - Vec3::z() * depth)).z;
+            last = tool.push(&(above - Vec3::z() * depth)).z;
             assert!(
                 tick > 0 || last <= STIFFEST * depth * (1.0 + 1e-9),
                 "{stiffness} {damping}: {last}"
@@ -453,11 +462,11 @@ fn the_dampers_of_the_surface_give_their_impulse() {
 fn a_surface_that_comes_to_the_tool_parts_from_it_at_a_bounded_speed() {
     let mut tool = ball(5e-3);
     let hand = Vec3::z() * 3e-3;
-    tool.tick(&hand);
+    tool.push(&hand);
     tool.accept(&obstacle(&ridge(0.0), 0.0)).unwrap();
     let mut last = 0.0;
     for tick in 0..200 {
-        let force = tool.tick(&hand).z;
+        let force = tool.push(&hand).z;
         // 0.02 m/s on 3 kN/m.
         assert!(force - last < 0.0601, "{tick}: {force} {last}");
         last = force;
@@ -494,7 +503,7 @@ proptest! {
                 patch.sites[tick % 16].vertex += 100;
                 tool.accept(&patch).unwrap();
             }
-            let force = tool.tick(&(Vec3::from(*hand) * 0.01));
+            let force = tool.push(&(Vec3::from(*hand) * 0.01));
             prop_assert!(force.iter().all(|x| x.is_finite()), "{force}");
             for contact in tool.contacts() {
                 prop_assert!(contact.normal_force >= 0.0);
@@ -543,7 +552,7 @@ fn a_deep_hold_stands_still() {
             let (mut last, mut before) = (Vec3::zeros(), Vec3::zeros());
             for tick in 0..200 {
                 let down = f64::from(tick.min(80)) * 0.1e-3;
-                let force = tool.tick(&Vec3::new(place[0], place[1], 8e-3 - down));
+                let force = tool.push(&Vec3::new(place[0], place[1], 8e-3 - down));
                 let bend = (force - last * 2.0 + before).norm();
                 assert!(
                     !(2..80).contains(&tick) || bend < 0.03,
@@ -604,7 +613,7 @@ fn what_is_not_computed_far_from_the_surface_changes_no_force() {
             if tick % 16 == 0 {
                 tool.accept(&near(u64::from(tick), is_boxed)).unwrap();
             }
-            tool.tick(&hand)
+            tool.push(&hand)
         });
         shortcuts += u32::from(tools[0].is_away);
         assert!(!tools[1].is_away);
@@ -626,7 +635,7 @@ fn overflow(good: &Patch, is_smooth: bool) {
     let hand = Vec3::new(0.3e-3, 0.2e-3, 4e-3);
     let mut fresh = ball(5e-3);
     fresh.accept(good).unwrap();
-    let expected = (0..1000).fold(Vec3::zeros(), |_, _| fresh.tick(&hand));
+    let expected = (0..1000).fold(Vec3::zeros(), |_, _| fresh.push(&hand));
     assert!(expected.z > 0.5);
     // Numbers that are finite, and whose products are not.
     let faults: [fn(&mut Patch); 4] = [
@@ -646,14 +655,14 @@ fn overflow(good: &Patch, is_smooth: bool) {
             patch.head.sequence = sequence;
             tool.accept(&patch).unwrap();
             for tick in 0..1000 {
-                let force = tool.tick(&hand);
+                let force = tool.push(&hand);
                 assert!(
                     force.iter().all(|x| x.is_finite()),
                     "{number} {tick}: {force}"
                 );
             }
         }
-        let force = tool.force();
+        let force = tool.wrench().force;
         // What linearizations leave that start elsewhere; and friction, which remembers the way, from one side of its cone to the other.
         let most = if is_smooth { 2e-3 } else { 0.6 };
         assert!(
@@ -693,15 +702,15 @@ fn a_message_of_other_points_lets_the_force_go_over() {
         if tick == 200 {
             before.accept(&lower).unwrap();
         }
-        forces.push(before.tick(&hand(tick)).z);
-        after.tick(&hand(tick));
+        forces.push(before.push(&hand(tick)).z);
+        after.push(&hand(tick));
     }
-    let whole = forces[199] - after.force().z;
+    let whole = forces[199] - after.wrench().force.z;
     assert!(whole > 0.3, "{whole}");
     for tick in 200..300 {
         let change = (forces[tick] - forces[tick - 1]).abs();
         // An eighth of the change in each tick of half a period.
         assert!(change < 0.05 + 0.2 * whole, "{tick}: {change} of {whole}");
     }
-    assert!((forces[299] - after.force().z).abs() < 0.02 * after.force().z);
+    assert!((forces[299] - after.wrench().force.z).abs() < 0.02 * after.wrench().force.z);
 }

@@ -10,7 +10,7 @@ fn segment(along: Vec3) -> Hull {
 }
 
 /// A rectangle across z of these half sides (m).
-fn plate(x: f64, y: f64) -> Hull {
+pub(super) fn plate(x: f64, y: f64) -> Hull {
     let corners = [[x, y], [-x, y], [-x, -y], [x, -y]].map(|[x, y]| Vec3::new(x, y, 0.0));
     Hull::new(&corners).expect("four points")
 }
@@ -48,7 +48,7 @@ fn shapes() -> [(Hull, f64); 6] {
 }
 
 /// A floor of two triangles, whose diagonal lies under the tool.
-fn floor() -> [[[f64; 3]; 3]; 2] {
+pub(super) fn floor() -> [[[f64; 3]; 3]; 2] {
     let [a, b, c, d] = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]];
     let at = |[x, y]: [f64; 2]| [x, y, 0.0];
     [[at(a), at(b), at(c)], [at(a), at(c), at(d)]]
@@ -66,8 +66,8 @@ fn each_shape_stands_on_a_floor_with_its_lowest_point() {
             let down = (0.1e-3 * f64::from(tick)).min(2.5e-3);
             let aside = (2e-6 * f64::from(tick - 50)).clamp(0.0, 0.2e-3);
             last = force;
-            force = tool.tick(&Vec3::new(aside, 0.0, height + 1e-3 - down));
-            assert!(tool.proxy().z > height - 1e-9, "{hull:?} {tick}");
+            force = tool.push(&Vec3::new(aside, 0.0, height + 1e-3 - down));
+            assert!(tool.proxy().position.z > height - 1e-9, "{hull:?} {tick}");
         }
         let expected = Vec3::new(-0.2e-3, 0.0, 1.5e-3) * STIFFEST;
         assert!(
@@ -99,8 +99,11 @@ fn no_shape_enters_a_groove() {
                 let down = (0.1 * time).min(4e-3);
                 let (across, along) = (2e-3 * (60.0 * time).sin(), 0.1 * (time - 0.04).max(0.0));
                 let hand = Vec3::new(across, along, rest + 1e-3 - down);
-                let force = tool.tick(&hand);
-                assert!(depth(&tool.proxy()) < 1e-6, "{hull:?} {opening} {tick}");
+                let force = tool.push(&hand);
+                assert!(
+                    depth(&tool.proxy().position) < 1e-6,
+                    "{hull:?} {opening} {tick}"
+                );
                 let [meets, is_free] = [depth(&hand) > 1e-6, depth(&hand) < 0.0];
                 assert!(force.z > 0.0 || !meets, "{hull:?} {opening} {tick}");
                 assert!(force.z == 0.0 || !is_free, "{hull:?} {opening} {tick}");
@@ -126,7 +129,7 @@ fn a_flat_plate_has_the_force_of_a_rigid_punch() {
         let depth = 1.2e-3;
         for tick in 0..300 {
             let down = (0.02e-3 * f64::from(tick)).min(depth);
-            force = tool.tick(&Vec3::new(0.3e-3, -0.2e-3, height - down));
+            force = tool.push(&Vec3::new(0.3e-3, -0.2e-3, height - down));
         }
         let error = force.z / (stiffness * depth) - 1.0;
         assert!(error.abs() < 1e-3, "{error}");
@@ -145,7 +148,7 @@ fn a_hull_of_equal_points_is_a_ball() {
         let turn = core::f64::consts::TAU * f64::from(tick) * PERIOD;
         let down = 4e-3 * (0.5 * turn).sin().abs();
         let hand = Vec3::new(2e-3 * turn.sin(), 1e-3 * (2.0 * turn).sin(), 8e-3 - down);
-        let [one, many] = [&mut one, &mut many].map(|tool| tool.tick(&hand));
+        let [one, many] = [&mut one, &mut many].map(|tool| tool.push(&hand));
         assert!((one - many).norm() < 1e-6, "{tick}: {one} {many}");
     }
 }
@@ -157,18 +160,18 @@ fn a_tool_whose_hull_has_passed_the_surface_parts_at_a_bounded_speed() {
         let height = radius - hull.lowest(&Vec3::z()).z;
         let hand = Vec3::z() * (height - 1.5 * radius);
         let mut tool = rounded(&hull, radius);
-        tool.tick(&hand);
+        tool.push(&hand);
         tool.accept(&obstacle(&floor(), 0.0)).unwrap();
         let mut last = hand.z;
         for tick in 0..5000 {
-            tool.tick(&hand);
-            let way = tool.proxy().z - last;
-            last = tool.proxy().z;
+            tool.push(&hand);
+            let way = tool.proxy().position.z - last;
+            last = tool.proxy().position.z;
             // Contacts at an angle, each of which parts by 20 um along its normal, move the tool further. An overlap of 0.1 um
             // counts as none.
             assert!(way > -1e-7 && way < 4e-5, "{hull:?} {tick} {way:e}");
         }
-        let apart = tool.proxy() - Vec3::z() * height;
+        let apart = tool.proxy().position - Vec3::z() * height;
         // A foot that stays on the material may lie aside by as much as costs 0.1 um of distance, and tilts the force a little.
         assert!(
             apart.norm() < 2e-5 && apart.z.abs() < 1e-6,
@@ -208,7 +211,7 @@ fn a_plate_that_overhangs_a_box_is_pushed_upwards() {
             let time = tick as f64 * PERIOD;
             let down = (0.02 * time).min(2e-3);
             let hand = Vec3::z() * (5e-3 - down);
-            let force = tool.tick(&hand);
+            let force = tool.push(&hand);
             let expected = (4e-3 - hand.z).max(0.0) * STIFFEST;
             // Friction holds the edges, which move by a micrometre.
             let error = force - Vec3::z() * expected;
