@@ -1,6 +1,6 @@
 """MuJoCo: a flex of triangles that falls on a sphere, at several stiffnesses of its soft contacts.
 
-The scene is Palpate's `host/tests/scenes/contact/sheet_on_sphere.toml` without contact of the cloth with itself: 0.2 m x
+The scene is Palpate's `host/scenes/sheet_on_sphere.toml` without contact of the cloth with itself: 0.2 m x
 0.2 m, E = 1 MPa, nu = 0.3, 0.3 mm, 1000 kg/m^3, a sphere of 5 cm, friction 0.4, a fall of 2 mm, steps of 4 ms, one second.
 A depth is measured as in Palpate: how far the middle surface of the cloth is nearer to the sphere than half its thickness.
 """
