@@ -10,6 +10,10 @@
 //! forces are exact ([`super::normal`]). Friction is by block Gauss-Seidel sweeps on the disk of Coulomb's law, between two exact
 //! solutions of the normal forces, so that the tool overlaps nothing whatever the sweeps leave. A contact that sticks keeps its
 //! place on the material; what the sweeps leave of its way is carried to the next tick, so that nothing creeps.
+//!
+//! The points of a tool that turns have ways of their own. Each of them therefore has its own disk and a compliance of its own, by which
+//! the corners of a rigid plate share their load, and conjugate gradients find the friction of those that stick. On a rigid surface
+//! the points roll on under the tool.
 
 use super::normal::Normals;
 use super::patch::{Compliance, Triangle};
