@@ -22,6 +22,8 @@
 
 mod contacts;
 mod coupling;
+mod forces;
+mod friction;
 mod normal;
 mod patch;
 #[cfg(test)]
@@ -31,9 +33,8 @@ use crate::count_one;
 use crate::geometry::{Mat3, Pose, Vec3, Wrench, small_turn};
 use crate::hull::Hull;
 use crate::publication::Publication;
-use contacts::{
-    Contacts, Lengths, Places, Softness, Turning, Yielding, are_clear, find, loads, settle, solve,
-};
+use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, loads, settle};
+use forces::{Turning, Yielding, solve};
 use nalgebra::UnitQuaternion;
 
 pub use contacts::Contact;
