@@ -415,7 +415,11 @@ impl Controller {
         telemetry.tool_count = self.tools.len() as u8;
         let mut forces = forces.get_mut(self.couplings.len());
         for (tool, record) in self.tools.iter_mut().zip(&mut telemetry.tools) {
-            let (device, wrench) = (tool.device(), tool.tick_slipped(now_ns, hands, proxies));
+            let device = tool.device();
+            if let Some(channel) = self.channels.get(device) {
+                tool.see(now_ns, channel.state.buttons);
+            }
+            let wrench = tool.tick_slipped(now_ns, hands, proxies);
             if let Some(channel) = self.channels.get_mut(device) {
                 channel.wrench = channel.wrench.plus(&wrench);
             }

@@ -43,6 +43,7 @@ fn tool() -> ToolCouplingConfig {
         decay: 0.1,
         recovery: 0.05,
         hold_damping: 1.0,
+        take_buttons: 0,
         passivity: PassivityConfig::new(PERIOD),
     }
 }

@@ -178,7 +178,7 @@ const TABLES: [(&str, &[&str]); 17] = [
         ],
     ),
     ("obstacle", &["shape", "poses", "friction"]),
-    ("tool", &["radius"]),
+    ("tool", &["radius", "take_button"]),
     ("contact", &["between", "friction"]),
     (
         "device.engage",

@@ -48,6 +48,16 @@ pub(super) fn check(scene: &Scene) -> Check {
             found,
             "a device that holds no handle",
         )?;
+        let devices = || scene.devices.iter().filter(|one| one.name == tool.device);
+        let stops = |button: &usize| devices().any(|one| one.engage.stop_button == Some(*button));
+        if let Some(button) = tool.take_button.filter(stops) {
+            require(
+                false,
+                &format!("{at}.take_button"),
+                button.to_string(),
+                "another button than the one that stops all devices",
+            )?;
+        }
         check_shape(&at, tool)?;
     }
     Ok(())

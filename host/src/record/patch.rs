@@ -19,6 +19,7 @@ pub struct PatchRow {
     period: f64,
     damping: f64,
     stiffness: f64,
+    elastic: f64,
     /// The floor, rows first, and that of rotation.
     floor: Vec<f64>,
     /// The corners of the triangles, and their coefficients of friction.
@@ -42,6 +43,7 @@ impl PatchRow {
             period: head.period,
             damping: head.damping,
             stiffness: head.stiffness,
+            elastic: head.elastic,
             floor: (head.floor.iter().chain(&head.turning_floor).copied()).collect(),
             corners: triangles().flat_map(|triangle| triangle.corners).collect(),
             friction: triangles().map(|triangle| triangle.friction).collect(),
@@ -67,6 +69,7 @@ impl PatchRow {
         let head = &mut patch.head;
         (head.sequence, head.epoch, head.time_ns) = (self.sequence, self.epoch, self.time_ns);
         (head.period, head.damping, head.stiffness) = (self.period, self.damping, self.stiffness);
+        head.elastic = self.elastic;
         let floors = head.floor.iter_mut().chain(&mut head.turning_floor);
         for (to, from) in floors.zip(&self.floor) {
             *to = *from;
@@ -122,6 +125,7 @@ record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
     "float64[] friction  # coefficient, by triangle" friction;
     "palpate_msgs/Site[] sites" sites: list "site";
     "float64[] compliance # between the sites (m/N), nine numbers a block, rows first" compliance;
+    "float64 elastic     # optional: fraction of the energy under the forces of the sites that is elastic" elastic: late;
 }
 
 record! { Site: Self::zero();

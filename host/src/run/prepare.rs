@@ -12,7 +12,7 @@ use crate::engine::rehearsal::Rehearsal;
 use crate::engine::tool::{stiffest, stiffest_turning};
 use crate::engine::{Engine, build};
 use crate::preparation::Preparation;
-use crate::scene::spec::{self, Scene};
+use crate::scene::spec::{self, Scene, button_mask};
 use crate::scene::{LoadedScene, SceneError};
 use crate::world::{World, bodies_held, port, scheme};
 use physics::FactorCode;
@@ -263,7 +263,7 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
         let coupling = coupling(scene, period, &passivity, hold_damping);
         let _ = config.bodies.push(coupling);
     }
-    for ((_, device, _), shape) in scene.numbered_tools().zip(world.tool_shapes()) {
+    for ((tool, device, _), shape) in scene.numbered_tools().zip(world.tool_shapes()) {
         config.tools[device] = Some(ToolCouplingConfig {
             tool: ToolConfig {
                 hull: *shape.hull(),
@@ -278,6 +278,7 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
             decay: scene.realtime.decay,
             recovery: scene.realtime.recovery,
             hold_damping: scene.realtime.hold_damping,
+            take_buttons: tool.take_buttons(),
             passivity,
         });
     }
@@ -388,13 +389,11 @@ fn safety(
 
 /// How a device is engaged; its handle rests at `start` (m, device axes).
 fn engage(spec: &spec::Device, start: Vec3) -> EngageConfig {
-    // The scene counts buttons from one, up to sixteen.
-    let mask = |button: Option<usize>| button.map_or(0, |number| 1 << (number - 1));
     EngageConfig {
         armed: spec.is_armed_at_start(),
-        arm: mask(spec.engage.arm_button),
-        dead_man: mask(spec.engage.dead_man_button),
-        stop: mask(spec.engage.stop_button),
+        arm: button_mask(spec.engage.arm_button),
+        dead_man: button_mask(spec.engage.dead_man_button),
+        stop: button_mask(spec.engage.stop_button),
         ramp: spec.ramp(),
         grip_force: grip_force(spec),
         waits_at: start,

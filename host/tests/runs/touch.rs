@@ -320,6 +320,16 @@ fn bad_tools_are_refused_with_their_field() {
             "group = \"bottom\"\n[[body.handle]]\nname = 'h'\ngroup = 'top'\ndevice = 'omega'\n",
             "tool[0].device: found \"omega\", allowed: a device that holds no handle",
         ),
+        (
+            "friction = 0.3",
+            "friction = 0.3\ntake_button = 17",
+            "tool[0].take_button: found 17",
+        ),
+        (
+            "friction = 0.3\n\n[[device]]\n",
+            "friction = 0.3\ntake_button = 2\n\n[[device]]\nengage.stop_button = 2\n",
+            "tool[0].take_button: found 2, allowed: another button than the one that stops all devices",
+        ),
     ] {
         assert!(text.contains(from), "{from}");
         let text = text.replacen(from, to, 1);

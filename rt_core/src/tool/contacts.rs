@@ -5,10 +5,10 @@
 //! its force is zero, also when another point of its triangle is nearer: where a tool is deep in a soft surface, the nearest
 //! points move as the surface yields to them, and without the former points the iteration would not end. Where the hull itself
 //! has passed a triangle, the contact presses its furthest corner back along the triangle's normal. On a rigid surface, the points
-//! of a tool that turns roll on under the tool.
+//! of a tool that turns roll on under the tool. A contact that is held stays where it is.
 
 use super::friction::{SLIDES, most_friction};
-use super::patch::Triangle;
+use super::patch::{Compliance, Triangle};
 use super::{MAX_CONTACTS, MAX_SITES};
 use crate::geometry::{Mat3, Vec3};
 use crate::hull::Hull;
@@ -17,6 +17,11 @@ use crate::nearest::weights;
 /// Feet that are nearer to each other than this fraction of the radius are one contact: their distances differ by less than
 /// 5 millionths of the radius.
 const ONE: f64 = 3e-3;
+/// The distance from a point that is held, as a fraction of the radius, within which it stands for all others.
+const NEAR_HELD: f64 = 0.5;
+/// The compliance of a contact that is held, as a fraction of that of the surface there. The compliance of the sites is known to a hundredth,
+/// and a rigid tool would make large forces of the differences between points.
+const SOFT_HELD: f64 = 0.02;
 /// An overlap (m) that no device renders: 0.3 mN at 3 kN/m.
 const CLEAR: f64 = 1e-7;
 /// Largest number of contacts that have not pressed yet: the nearest ones.
@@ -33,17 +38,24 @@ pub struct Contact {
     pub weights: [f64; 3],
     /// From the surface to the tool.
     pub normal: Vec3,
-    /// The normal force (N).
+    /// The normal force (N); negative only where the contact is held.
     pub normal_force: f64,
     /// The force of friction on the tool (N).
     pub friction: Vec3,
     /// Coefficient of friction.
     pub coefficient: f64,
+    /// Whether the tool holds the surface here: the contact neither opens nor slips.
+    pub is_held: bool,
+    /// The compliance of the contact itself (m/N), along its normal and across.
+    pub(super) softness: [f64; 2],
+    /// Whether the contact is to be held from this tick on, at a place where it was not held before.
+    begins: bool,
     /// The way across the normal that sticking should have undone (m).
     pub(super) residual: Vec3,
     /// The centre seen from the foot, after the last tick (m).
     pub(super) before: Vec3,
-    /// The overlap that the contact may have at the end of this tick (m).
+    /// The overlap that the contact may have at the end of this tick (m). A contact that is held has just this overlap and that by its own
+    /// compliance, from its first tick on.
     pub(super) allowed: f64,
     /// The foot, at the places that were looked at last (m).
     foot: Vec3,
@@ -58,6 +70,56 @@ pub struct Contact {
 }
 
 impl Contact {
+    /// Takes hold of the surface here, with the compliance of a contact that has at least a `softness`. Nothing else changes.
+    fn take_hold(&mut self, compliance: &Compliance, softness: [f64; 2]) {
+        let own = self.own(compliance) * SOFT_HELD;
+        let along = self.normal.dot(&(own * self.normal));
+        let across = 0.5 * (own.trace() - along);
+        let [least, least_across] = softness;
+        self.softness = [along.max(least), across.max(least_across)];
+        self.is_held = true;
+        let [_, across] = self.softness;
+        self.residual = self.friction * -across;
+        self.begins = true;
+    }
+
+    /// How the surface yields at the foot to a force there (m/N).
+    fn own(&self, compliance: &Compliance) -> Mat3 {
+        let mut sum = Mat3::zeros();
+        for (a, weight) in self.corners.iter().zip(&self.weights) {
+            let row = compliance.get(usize::from(*a));
+            for (b, factor) in self.corners.iter().zip(&self.weights) {
+                let block = row.and_then(|row| row.get(usize::from(*b)));
+                sum += block.map_or(Mat3::zeros(), |block| block * (weight * factor));
+            }
+        }
+        sum
+    }
+
+    /// Whether the contact presses, or is held.
+    pub(super) fn acts(&self) -> bool {
+        self.is_held || self.normal_force > 0.0
+    }
+
+    /// Adds the forces of another contact, which goes on as this one. A contact that is held takes the whole force.
+    fn join(&mut self, other: &Self) {
+        self.is_held |= other.is_held;
+        if self.is_held {
+            let force = other.force();
+            self.normal_force += self.normal.dot(&force);
+            self.friction += self.across(&force);
+        } else {
+            self.normal_force += other.normal_force;
+            self.friction += self.across(&other.friction);
+        }
+    }
+
+    /// Whether this contact is also that of another foot near its own.
+    fn stands_for(&self, other: &Self, radius: f64) -> bool {
+        let near = if self.is_held { NEAR_HELD } else { ONE } * radius;
+        (self.foot - other.foot).norm_squared() < near * near
+    }
+
     /// The force on the tool (N).
     pub fn force(&self) -> Vec3 {
         self.normal * self.normal_force + self.friction
@@ -182,14 +244,17 @@ pub(super) fn find<'a>(
     kept: &[Contact],
 ) -> Contacts {
     let mut found = Contacts::new();
-    for contact in kept.iter().filter(|contact| contact.normal_force > 0.0) {
+    let held = kept.iter().filter(|contact| contact.is_held);
+    let others = kept.iter().filter(|one| one.acts() && !one.is_held);
+    for contact in held.chain(others) {
         let mut contact = *contact;
-        if softness.rolls {
+        let rolls = softness.rolls && !contact.is_held;
+        if rolls {
             contact.roll(&now);
         }
         if contact.look(&now) {
             contact.friction = contact.across(&contact.friction);
-            if !(softness.rolls && is_met(&mut found, &contact, lengths.radius)) {
+            if !is_met(&mut found, &contact, lengths.radius, rolls) {
                 // There is room for all that were kept.
                 let _ = found.push(contact);
             }
@@ -207,27 +272,65 @@ pub(super) fn find<'a>(
         contact.before = before.centre - contact.at(before.sites);
         contact.arm = contact.tip - contact.normal * lengths.radius;
         let overlap = lengths.radius - contact.distance_at(&before);
-        contact.allowed = (overlap - lengths.parting).max(0.0);
+        if contact.is_held {
+            if core::mem::take(&mut contact.begins) {
+                let [along, _] = contact.softness;
+                contact.allowed = overlap - along * contact.normal_force;
+            }
+        } else {
+            contact.softness = softness.each;
+            contact.allowed = (overlap - lengths.parting).max(0.0);
+        }
     }
     found
 }
 
-/// Adds the forces of a contact to another one to which it has rolled. Returns whether there is one.
-fn is_met(found: &mut Contacts, contact: &Contact, radius: f64) -> bool {
-    let same = ONE * radius;
-    let mut others = found.iter_mut();
-    let other = others.find(|other| (other.foot - contact.foot).norm_squared() < same * same);
-    if let Some(other) = other {
-        other.normal_force += contact.normal_force;
-        other.friction += other.across(&contact.friction);
-        return true;
+/// Lets go of contacts that are held. Returns whether there were any.
+pub(super) fn let_go(contacts: &mut Contacts, are_lost: impl Fn(&Contact) -> bool) -> bool {
+    let mut any = false;
+    for contact in contacts.iter_mut().filter(|contact| contact.is_held) {
+        contact.is_held = !are_lost(contact);
+        any |= !contact.is_held;
     }
-    false
+    any
 }
 
-/// Hands the friction of points that press no more to a point of the same triangle that does.
+/// Takes hold of the contacts that press, with at least a `softness`. One of them stands for all that are near it: they would act against each
+/// other.
+pub(super) fn hold(
+    contacts: &mut Contacts,
+    compliance: &Compliance,
+    softness: [f64; 2],
+    radius: f64,
+) {
+    for at in 0..contacts.len() {
+        let Some(contact) = contacts.get(at) else {
+            break;
+        };
+        let mut held = contacts.iter().filter(|other| other.is_held);
+        let takes = contact.acts() && !held.any(|other| other.stands_for(contact, radius));
+        if let Some(contact) = contacts.get_mut(at).filter(|_| takes) {
+            contact.take_hold(compliance, softness);
+        }
+    }
+}
+
+/// Adds the forces of a contact to another one that is held and stands for it, or to which it rolled. Returns whether there is one.
+fn is_met(found: &mut Contacts, contact: &Contact, radius: f64, rolls: bool) -> bool {
+    let mut others = found
+        .iter_mut()
+        .filter(|other| rolls || (other.is_held && !contact.is_held));
+    let other = others.find(|other| other.stands_for(contact, radius));
+    let is_there = other.is_some();
+    if let Some(other) = other {
+        other.join(contact);
+    }
+    is_there
+}
+
+/// Hands the friction of points that do not press any more to a point of the same triangle that does.
 fn hand_on(found: &mut Contacts, kept: &[Contact]) {
-    for old in kept.iter().filter(|old| old.normal_force == 0.0) {
+    for old in kept.iter().filter(|old| !old.acts()) {
         let heir = found.iter_mut().find(|new| new.corners == old.corners);
         if let Some(heir) = heir.filter(|_| old.friction != Vec3::zeros()) {
             heir.friction = heir.across(&old.friction);
@@ -252,6 +355,7 @@ pub(super) fn carry<'a>(
             corners: triangle.corners,
             weights: weights(&foot, [&a, &b, &c]),
             coefficient: triangle.friction,
+            begins: true,
             ..*contact
         };
         Some((there, (there.at(now) - foot).norm_squared()))
@@ -265,8 +369,7 @@ pub(super) fn carry<'a>(
     let (at, same) = (there.at(now), ONE * radius);
     let mut others = contacts.iter_mut();
     if let Some(other) = others.find(|other| (other.at(now) - at).norm_squared() < same * same) {
-        other.normal_force += there.normal_force;
-        other.friction += other.across(&there.friction);
+        other.join(&there);
     } else {
         // There is room for all that were there.
         let _ = contacts.push(there);
@@ -299,6 +402,9 @@ fn touch(triangle: &Triangle, now: &Places<'_>, lengths: &Lengths) -> Option<Con
         normal_force: 0.0,
         friction: Vec3::zeros(),
         coefficient: triangle.friction,
+        is_held: false,
+        softness: [0.0; 2],
+        begins: false,
         residual: Vec3::zeros(),
         before: Vec3::zeros(),
         allowed: 0.0,
@@ -326,15 +432,15 @@ fn place(corners: [u8; 3], sites: &[Vec3; MAX_SITES]) -> Option<[Vec3; 3]> {
 /// Adds a contact, if it is not the same point as another, and if there is room or a contact without force that is further away. In a list
 /// full of points that press and roll on, a point that overlaps takes the place of the one that presses least.
 fn insert(found: &mut Contacts, contact: Contact, softness: Softness, radius: f64) {
-    let (mut others, same) = (found.iter(), ONE * radius);
-    if others.any(|other| (other.foot - contact.foot).norm_squared() < same * same) {
+    let mut others = found.iter();
+    if others.any(|other| other.stands_for(&contact, radius)) {
         return;
     }
-    let mut idle = found.iter().filter(|other| other.normal_force == 0.0);
+    let mut idle = found.iter().filter(|other| !other.acts());
     if idle.nth(MOST_IDLE - 1).is_none() && found.push(contact).is_ok() {
         return;
     }
-    let idle = found.iter_mut().filter(|other| other.normal_force == 0.0);
+    let idle = found.iter_mut().filter(|other| !other.acts());
     let furthest = idle.max_by(|a, b| a.distance.total_cmp(&b.distance));
     if let Some(other) = furthest {
         if other.distance > contact.distance {
@@ -342,39 +448,37 @@ fn insert(found: &mut Contacts, contact: Contact, softness: Softness, radius: f6
         }
         return;
     }
-    let least = found.iter_mut().filter(|_| softness.rolls);
+    let others = found.iter_mut().filter(|other| !other.is_held);
+    let least = others.filter(|_| softness.rolls);
     let least = least.min_by(|a, b| a.normal_force.total_cmp(&b.normal_force));
     if let Some(other) = least.filter(|_| contact.distance < radius - CLEAR) {
         *other = contact;
     }
 }
 
-/// The compliance of a contact itself (m/N), along its normal and across. Where several points of a rigid plate lie on a rigid floor, it alone
-/// tells how they share force and friction: without it they would take turns, and the plate would creep.
+/// The compliance of contacts themselves. Where several points of a rigid plate lie on a rigid floor, it alone tells how they share force and
+/// friction: without it they would take turns, and the plate would creep. Those that are held have a compliance of their own.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Softness {
-    pub along: f64,
-    pub across: f64,
+    /// Along their normals and across (m/N).
+    pub each: [f64; 2],
     /// Whether the points that press roll on under the tool. Where a surface yields, they stay.
     pub rolls: bool,
 }
 
-/// Whether each contact overlaps by no more than it may.
-pub(super) fn are_clear(contacts: &[Contact], radius: f64, softness: Softness) -> bool {
+/// Whether each contact overlaps by no more than it may, and no contact that is held is further away.
+pub(super) fn are_clear(contacts: &[Contact], radius: f64) -> bool {
     contacts.iter().all(|contact| {
-        let overlap = contact.allowed + contact.normal_force * softness.along;
-        contact.distance + overlap > radius - CLEAR
+        let [along, _] = contact.softness;
+        let overlap = contact.allowed + contact.normal_force * along;
+        let gap = contact.distance + overlap - radius;
+        gap > -CLEAR && !(contact.is_held && gap >= CLEAR)
     })
 }
 
 /// Ends a tick at these places: notes what the sweeps left of the way of each contact that sticks. A tool has `turned` in the tick by this
 /// difference of its attitudes, seen from the attitude at which the contacts were found.
-pub(super) fn settle(
-    contacts: &mut Contacts,
-    now: &Places<'_>,
-    turned: Option<Mat3>,
-    softness: Softness,
-) {
+pub(super) fn settle(contacts: &mut Contacts, now: &Places<'_>, turned: Option<Mat3>) {
     let most = most_friction(contacts, turned.is_some());
     for (contact, most) in contacts.iter_mut().zip(most) {
         let moved = now.centre - contact.at(now.sites) - contact.before + contact.residual;
@@ -383,7 +487,8 @@ pub(super) fn settle(
         contact.residual = if sticks {
             contact.across(&way)
         } else {
-            contact.friction * -softness.across
+            let [_, across] = contact.softness;
+            contact.friction * -across
         };
     }
 }

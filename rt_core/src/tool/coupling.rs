@@ -29,6 +29,8 @@ pub struct ToolCouplingConfig {
     pub recovery: f64,
     /// Damping of the safe hold (N s/m).
     pub hold_damping: f64,
+    /// The buttons of the device with which the hand takes hold of what the tool touches, as a mask.
+    pub take_buttons: u32,
     /// Configuration of the energy account.
     pub passivity: PassivityConfig,
 }
@@ -73,6 +75,7 @@ pub struct ToolCounters {
 ///     decay: 0.1,
 ///     recovery: 0.01,
 ///     hold_damping: 1.0,
+///     take_buttons: 0,
 ///     passivity: PassivityConfig::new(period),
 /// };
 /// let mut ball = ToolCoupling::new(0, config);
@@ -108,6 +111,8 @@ pub struct ToolCoupling {
     tool: Tool,
     /// Time of the newest patch (ns); `None` before the first.
     patched_ns: Option<u64>,
+    /// When the hand took hold (ns); `None` while it does not.
+    holds_since_ns: Option<u64>,
     trust: Trust,
     counters: ToolCounters,
     held_back: HeldBackByBody,
@@ -122,6 +127,7 @@ impl ToolCoupling {
             config,
             tool: Tool::new(config.tool),
             patched_ns: None,
+            holds_since_ns: None,
             trust: Trust::new(Aging {
                 period: config.tool.period,
                 age_limit: config.age_limit,
@@ -154,6 +160,9 @@ impl ToolCoupling {
         match accepted {
             Ok(()) => {
                 self.patched_ns = Some(time_ns);
+                if self.is_hold_known(time_ns, patch.head().period) {
+                    self.tool.expect_hold();
+                }
                 count_one(&mut self.counters.accepted);
             }
             Err(PatchFault::NotFinite) => count_one(&mut self.counters.not_finite),
@@ -164,6 +173,24 @@ impl ToolCoupling {
             Err(PatchFault::NoTool) => {}
         }
         accepted
+    }
+
+    /// Takes the buttons of the device in this tick.
+    pub fn see(&mut self, now_ns: u64, buttons: u32) {
+        let holds = buttons & self.config.take_buttons != 0;
+        if !holds {
+            self.holds_since_ns = None;
+        } else if self.holds_since_ns.is_none() {
+            self.holds_since_ns = Some(now_ns);
+        }
+        self.tool.take_hold(holds);
+    }
+
+    /// Whether the host knew of the hold in a step that ended at this time (ns): a whole step came after it.
+    fn is_hold_known(&self, time_ns: u64, period: f64) -> bool {
+        let step_ns = (period * 1e9) as u64;
+        let since = self.holds_since_ns;
+        since.is_some_and(|since| time_ns.saturating_sub(since) > step_ns)
     }
 
     /// One tick: returns the wrench on the proxy of the tool's device. `devices` are the poses and twists of the proxies, by

@@ -4,7 +4,7 @@
 //! forces are exact ([`super::normal`]). Friction ([`super::friction`]) is found between two exact solutions of the normal forces, so
 //! that the tool overlaps nothing whatever friction leaves.
 
-use super::contacts::{Contact, Contacts, Softness};
+use super::contacts::{Contact, Contacts};
 use super::friction::{Rubbing, let_go};
 use super::normal::Normals;
 use super::patch::Compliance;
@@ -41,8 +41,6 @@ pub(super) struct Yielding<'a> {
     pub fraction: f64,
     /// Of the device's floor (m/N).
     pub floor: &'a Mat3,
-    /// Of each contact.
-    pub softness: Softness,
     /// Whether no site yields.
     pub is_rigid: bool,
 }
@@ -146,17 +144,22 @@ impl Pressing {
             for ((entry, column), other) in along.iter_mut().zip(columns).zip(contacts) {
                 *entry = one.normal.dot(column);
                 if core::ptr::eq(one, other) {
-                    *entry += yielding.softness.along;
+                    let [along, _] = one.softness;
+                    *entry += along;
                 }
             }
             let apart = yielding.apart(one) + yielding.tip(one);
             *gap = one.normal.dot(&apart) - radius + one.allowed;
             *pressed = one.normal_force > 0.0;
         }
+        let mut held = [false; MAX_CONTACTS];
+        for (held, one) in held.iter_mut().zip(contacts) {
+            *held = one.is_held;
+        }
         Self {
             columns,
             gaps,
-            normals: Normals::new(contacts.len(), &along, &pressed),
+            normals: Normals::new(contacts.len(), &along, [&pressed, &held]),
             has_room: true,
         }
     }
@@ -175,7 +178,7 @@ impl Pressing {
         let (mut changed, mut whole) = (0.0_f64, 0.0_f64);
         for (contact, force) in contacts.iter_mut().zip(self.normals.forces()) {
             changed = changed.max((force - contact.normal_force).abs());
-            whole = whole.max(force);
+            whole = whole.max(force.abs());
             contact.normal_force = force;
         }
         changed > SETTLED * whole
@@ -186,7 +189,8 @@ impl Pressing {
 pub(super) fn solve(contacts: &mut Contacts, yielding: &Yielding<'_>, radius: f64) -> bool {
     let mut pressing = Pressing::new(contacts, yielding, radius);
     pressing.press(contacts);
-    if contacts.iter().any(|contact| contact.coefficient > 0.0) {
+    let mut each = contacts.iter();
+    if each.any(|contact| contact.is_held || contact.coefficient > 0.0) {
         let (mut rubbing, turns) = (Rubbing::new(), yielding.turning.is_some());
         for _ in 0..ROUNDS {
             let_go(contacts, turns);

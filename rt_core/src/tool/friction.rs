@@ -4,7 +4,8 @@
 //! creeps.
 //!
 //! The points of a tool that turns have ways of their own. Each of them therefore has its own disk and a compliance of its own, by which
-//! the corners of a rigid plate share their load, and conjugate gradients find the friction of those that stick.
+//! the corners of a rigid plate share their load, and conjugate gradients find the friction of those that stick. They also find that of
+//! contacts that are held, which has no bound.
 
 use super::MAX_CONTACTS;
 use super::contacts::{Contact, Contacts};
@@ -21,6 +22,8 @@ const BEYOND: f64 = 1.3;
 const STUCK: usize = 4;
 const CONJUGATE: usize = 16;
 const HELD: f64 = 1e-6;
+/// The largest friction (N) of a contact that is held.
+const UNBOUNDED: f64 = f64::MAX;
 /// The fraction of the largest friction above which a contact slides: below it, sweeps that have not ended look the same.
 pub(super) const SLIDES: f64 = 1.0 - 1e-6;
 
@@ -99,7 +102,8 @@ impl Rubbing {
             });
             let [[mut a, b], [c, mut d]] = by_axis;
             if to == number {
-                (a, d) = (a + yielding.softness.across, d + yielding.softness.across);
+                let [_, across] = contact.softness;
+                (a, d) = (a + across, d + across);
                 // The largest eigenvalue.
                 let half = 0.5 * (a - d);
                 let stiffest = 0.5 * (a + d) + libm::sqrt((half * half + b * c).max(0.0));
@@ -150,12 +154,13 @@ impl Rubbing {
                 shift(&mut self.slides, from, friction);
             }
         }
-        let turns = yielding.turning.is_some();
-        if turns {
+        let is_exact =
+            yielding.turning.is_some() || self.slides.iter().any(|slide| slide.most == UNBOUNDED);
+        if is_exact {
             self.stick();
         }
         self.sweep();
-        if turns {
+        if is_exact {
             self.stick();
         }
         for slide in &self.slides {
@@ -254,7 +259,7 @@ impl Rubbing {
 
     fn sweep(&mut self) {
         let each = self.slides.iter();
-        let whole = each.fold(0.0, |whole: f64, slide| whole.max(slide.most));
+        let whole = each.fold(0.0, |whole: f64, slide| whole.max(slide.scale()));
         for _ in 0..SWEEPS {
             let mut changed = 0.0_f64;
             for (number, from) in (0..self.slides.len()).zip(&self.blocks) {
@@ -277,6 +282,18 @@ impl Rubbing {
             if libm::sqrt(changed) <= SETTLED * whole {
                 break;
             }
+        }
+    }
+}
+
+impl Slide {
+    /// By what changes of the friction are measured (N): the largest friction, or the present one of a contact that is held.
+    fn scale(&self) -> f64 {
+        if self.most == UNBOUNDED {
+            let [x, y] = self.friction;
+            libm::sqrt(x * x + y * y)
+        } else {
+            self.most
         }
     }
 }
@@ -309,16 +326,19 @@ fn axes(normal: &Vec3) -> [Vec3; 2] {
 }
 
 /// The largest friction of each contact (N). All points of a tool that keeps its attitude have the same way: the friction of the first one
-/// on a triangle holds for all normal forces on the triangle. On a tool that turns, each has its own.
+/// on a triangle holds for all normal forces on the triangle. On a tool that turns, each has its own. That of a contact that is held has no
+/// bound.
 pub(super) fn most_friction(contacts: &[Contact], turns: bool) -> [f64; MAX_CONTACTS] {
     let mut most = [0.0; MAX_CONTACTS];
-    if turns {
-        for (most, one) in most.iter_mut().zip(contacts) {
+    for (most, one) in most.iter_mut().zip(contacts) {
+        if one.is_held {
+            *most = UNBOUNDED;
+        } else if turns {
             *most = one.coefficient * one.normal_force;
         }
-        return most;
     }
-    for pressing in contacts.iter().filter(|one| one.normal_force > 0.0) {
+    let pressing = contacts.iter().filter(|one| one.normal_force > 0.0);
+    for pressing in pressing.filter(|one| !(turns || one.is_held)) {
         let each = most.iter_mut().zip(contacts);
         let mut first = each.filter(|(_, one)| one.corners == pressing.corners);
         if let Some((most, one)) = first.next() {

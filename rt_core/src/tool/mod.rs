@@ -18,6 +18,10 @@
 //! within half a period. A message of other sites can leave a contact without its place on the surface: the force of which this would
 //! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
 //!
+//! **Taking hold.** While the hand takes hold, what presses is held: the contact neither opens nor slips, and nothing else changes. A hand that
+//! lets go loses the force that only a held contact has within half a period, as the difference of a message. The host holds the same points. If a
+//! message of a step that knew of the hold has no force on the body, the host's tool touches nothing there, and the tick lets go.
+//!
 //! **Overlap.** If the surface comes to where the tool is, they part at a bounded speed ([`ToolConfig::parting`]).
 
 mod contacts;
@@ -33,7 +37,7 @@ use crate::count_one;
 use crate::geometry::{Mat3, Pose, Vec3, Wrench, small_turn};
 use crate::hull::Hull;
 use crate::publication::Publication;
-use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, loads, settle};
+use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, hold, let_go, loads, settle};
 use forces::{Turning, Yielding, solve};
 use nalgebra::UnitQuaternion;
 
@@ -59,10 +63,12 @@ const REACH: f64 = 2.0;
 /// The change of the force (N) in the tick of a message, beyond that in the tick before, that is not carried: the jump of a message
 /// that no hand feels.
 const UNFELT: f64 = 0.05;
-/// The compliance of a contact of a tool that turns, along its normal and across, as a fraction of that of the device's stiffest spring:
-/// 0.1 um/N and 1 um/N beside 3 kN/m.
+/// The compliance of contacts themselves, along their normals and across, as a fraction of that of the device's stiffest spring: 0.1 um/N and
+/// 1 um/N beside 3 kN/m.
 const SOFT: f64 = 3e-4;
 const SOFT_ACROSS: f64 = 3e-3;
+/// The stretch (m) of the device's stiffest spring at whose force a contact that is held comes off: 30 N at 3 kN/m.
+const GRIP: f64 = 0.01;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
 
@@ -231,6 +237,10 @@ pub struct Tool {
     /// The change of the wrench in the last tick, as [`Self::felt`] (N).
     change: f64,
     has_room: bool,
+    /// Whether the hand takes hold of what the tool touches.
+    holds: bool,
+    /// Whether the host knew of it in the step of the newest patch.
+    is_hold_known: bool,
     /// The sites without contact forces, without their offsets.
     bounds: Bounds,
     /// The largest offset of a site when the message came (m).
@@ -266,6 +276,8 @@ impl Tool {
             fade_step: 0.0,
             change: 0.0,
             has_room: true,
+            holds: false,
+            is_hold_known: false,
             bounds: Bounds::NONE,
             most_offset: 0.0,
             is_at_rest: true,
@@ -301,14 +313,61 @@ impl Tool {
         checked
     }
 
+    /// Tells whether the hand takes hold of what the tool touches, from the next tick on: of what presses already, and of what comes to
+    /// press.
+    pub fn take_hold(&mut self, holds: bool) {
+        self.holds = holds;
+    }
+
+    /// Tells that the host knew of the hold in the step of the patch that was accepted last.
+    pub(super) fn expect_hold(&mut self) {
+        self.is_hold_known = true;
+    }
+
+    /// Lets go of all contacts if the hand does, of those that a hand could not hold, and of those on a body of which the patch says that the
+    /// host's tool does not touch it. Returns whether there were any.
+    fn let_go(&mut self) -> bool {
+        let most = if self.holds {
+            GRIP * self.config.stiffest
+        } else {
+            0.0
+        };
+        if let_go(&mut self.contacts, |one| one.force().norm() >= most) {
+            return true;
+        }
+        if !core::mem::replace(&mut self.is_hold_known, false) {
+            return false;
+        }
+        let yields = |at: usize| {
+            let own = self.patch.compliance.get(at).and_then(|row| row.get(at));
+            own.is_some_and(|block| *block != Mat3::zeros())
+        };
+        let sites = (0..).zip(&self.patch.sites);
+        let mut sites = sites.take(usize::from(self.patch.head.site_count));
+        if sites.any(|(at, site)| yields(at) && site.force != Vec3::zeros()) {
+            return false;
+        }
+        let is_on_body =
+            |contact: &Contact| contact.corners.iter().any(|at| yields(usize::from(*at)));
+        let_go(&mut self.contacts, is_on_body)
+    }
+
     /// One tick with the hand at a pose. Returns the wrench on the hand, the moment about the centre of the tool.
     pub fn tick(&mut self, hand: &Pose) -> Wrench {
         let was = self.wrench();
-        let is_carried = self.is_pending && !self.contacts.is_empty();
+        let mut is_carried = self.is_pending && !self.contacts.is_empty();
         if self.is_pending {
             self.is_pending = false;
             self.come_back();
             self.switch();
+        }
+        if self.let_go() {
+            is_carried = true;
+            self.fade_again();
+        }
+        if self.holds {
+            let (softness, radius) = (self.least_softness(), self.config.radius);
+            hold(&mut self.contacts, &self.patch.compliance, softness, radius);
         }
         self.move_to(hand);
         if is_carried {
@@ -359,7 +418,7 @@ impl Tool {
             };
             let triangles = self.patch.head.triangles();
             let found = find(triangles, [was, now], &lengths, softness, &self.contacts);
-            if pass > 0 && are_clear(&found, self.config.radius, softness) {
+            if pass > 0 && are_clear(&found, self.config.radius) {
                 break;
             }
             self.contacts = found;
@@ -379,7 +438,6 @@ impl Tool {
                 compliance: &self.patch.compliance,
                 fraction,
                 floor: &self.patch.head.floor,
-                softness,
                 is_rigid: self.is_rigid,
             };
             self.has_room = solve(&mut self.contacts, &yielding, self.config.radius);
@@ -394,7 +452,7 @@ impl Tool {
             centre: &proxy.position,
             sites: &places,
         };
-        settle(&mut self.contacts, &now, turned, softness);
+        settle(&mut self.contacts, &now, turned);
         self.relax(&places);
         (self.proxy, self.places) = (Some(proxy), places);
         let wrench = self.wrench();
@@ -434,12 +492,16 @@ impl Tool {
         }
     }
 
+    /// The least compliance of contacts that have one, along their normals and across (m/N).
+    fn least_softness(&self) -> [f64; 2] {
+        [SOFT, SOFT_ACROSS].map(|part| part / self.config.stiffest)
+    }
+
     /// The compliance of the contacts themselves. A tool that keeps its attitude needs none.
     fn softness(&self) -> Softness {
         if self.config.turns {
             Softness {
-                along: SOFT / self.config.stiffest,
-                across: SOFT_ACROSS / self.config.stiffest,
+                each: self.least_softness(),
                 rolls: self.is_rigid,
             }
         } else {
@@ -491,7 +553,7 @@ impl Tool {
         sum += moment.dot(&(head.turning_floor * moment));
         for (load, state) in loads(&self.contacts).iter().zip(&self.sites) {
             // `W f - r`: the displacement by the contact forces, without the part that relaxes.
-            sum += load.dot(&(state.stretch - state.bias));
+            sum += head.elastic * load.dot(&(state.stretch - state.bias));
         }
         // Not `max`, which hides a number that is not one.
         if sum < 0.0 { 0.0 } else { 0.5 * sum }
@@ -591,7 +653,7 @@ impl Tool {
             let _ = contacts.push(*contact);
         }
         for contact in &self.contacts {
-            if old.epoch == new.epoch && !goes_on(contact) {
+            if !goes_on(contact) {
                 let now = new.triangles();
                 contacts::carry(
                     &mut contacts,
@@ -623,6 +685,17 @@ impl Tool {
         let head = &self.patch.head;
         self.fade = 1.0;
         self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
+    }
+
+    /// Lets the present differences fade as if they had come with a message of this tick.
+    fn fade_again(&mut self) {
+        let fade = core::mem::replace(&mut self.fade, 1.0);
+        (self.offset.way, self.offset.turn) = (self.offset.way * fade, self.offset.turn * fade);
+        self.carried = self.carried.scaled(fade);
+        for state in &mut self.sites {
+            state.offset *= fade;
+        }
+        self.most_offset *= fade;
     }
 
     /// The sites of the pending patch: those that were there where they are, and the new ones where the host has them (m).

@@ -4,6 +4,8 @@
 //! semidefinite compliance between the contacts. The method is the dual active set of Goldfarb and Idnani (1983), with principal
 //! pivots of `G` in place of their factors: the pivoted matrix holds the direction of each step. Forces are never negative on
 //! the way. Each step increases the energy of the contacts, so the method ends, also for planes that are parallel.
+//!
+//! A contact that is held has `w = 0` and any `l`: it never opens.
 
 use super::MAX_CONTACTS;
 
@@ -27,14 +29,16 @@ pub(super) struct Normals {
     /// The force of each contact that presses, and the gap of each other contact.
     values: [f64; MAX_CONTACTS],
     presses: [bool; MAX_CONTACTS],
+    held: [bool; MAX_CONTACTS],
 }
 
 impl Normals {
-    /// A problem of `count` contacts, with `G` by row and column. Contacts that `pressed` before are tried first.
+    /// A problem of `count` contacts, with `G` by row and column. Contacts that `pressed` before are tried first, after those that are
+    /// `held`.
     pub(super) fn new(
         count: usize,
         rows: &[[f64; MAX_CONTACTS]; MAX_CONTACTS],
-        pressed: &[bool; MAX_CONTACTS],
+        [pressed, held]: [&[bool; MAX_CONTACTS]; 2],
     ) -> Self {
         let mut new = Self {
             count: count.min(MAX_CONTACTS),
@@ -42,13 +46,17 @@ impl Normals {
             own: [0.0; MAX_CONTACTS],
             values: [0.0; MAX_CONTACTS],
             presses: [false; MAX_CONTACTS],
+            held: *held,
         };
         for ((own, row), at) in new.own.iter_mut().zip(&new.rows).zip(0..MAX_CONTACTS) {
             *own = row.get(at).copied().unwrap_or_default();
         }
-        for (pressed, at) in pressed.iter().zip(0..new.count) {
-            if *pressed && new.yields(at) {
-                new.pivot(at);
+        for first in [held, pressed] {
+            for (is_first, at) in first.iter().zip(0..new.count) {
+                let is_closed = new.presses.get(at).is_some_and(|presses| *presses);
+                if *is_first && !is_closed && new.yields(at) {
+                    new.pivot(at);
+                }
             }
         }
         new
@@ -135,11 +143,13 @@ impl Normals {
         self.at(at, at) > OWN * own
     }
 
-    /// The contact with the least value below a bound, among those that press or among the others.
+    /// The contact with the least value below a bound, among those that press or among the others, without those that are held.
     fn least(&self, presses: bool, below: f64) -> Option<usize> {
-        let each = self.values.iter().zip(&self.presses).zip(0..self.count);
-        let each = each.filter(|((value, one), _)| **one == presses && **value < below);
-        let least = each.min_by(|((a, _), _), ((b, _), _)| a.total_cmp(b));
+        let each = self.values.iter().zip(&self.presses).zip(&self.held);
+        let each = each
+            .zip(0..self.count)
+            .filter(|(((value, one), held), _)| !**held && **one == presses && **value < below);
+        let least = each.min_by(|(((a, _), _), _), (((b, _), _), _)| a.total_cmp(b));
         least.map(|(_, at)| at)
     }
 
@@ -147,9 +157,9 @@ impl Normals {
     fn opens(&self, entering: usize) -> (f64, Option<usize>) {
         let each = self.rows.iter().zip(&self.values).zip(&self.presses);
         let mut found = (f64::INFINITY, None);
-        for (((row, value), presses), at) in each.zip(0..self.count) {
+        for ((((row, value), presses), held), at) in each.zip(&self.held).zip(0..self.count) {
             let slope = row.get(entering).copied().unwrap_or_default();
-            if *presses && slope < 0.0 {
+            if *presses && !*held && slope < 0.0 {
                 let by = value.max(0.0) / -slope;
                 if by < found.0 {
                     found = (by, Some(at));
@@ -214,6 +224,7 @@ mod tests {
     use proptest::prelude::*;
 
     type Square = [[f64; MAX_CONTACTS]; MAX_CONTACTS];
+    const NONE: [bool; MAX_CONTACTS] = [false; MAX_CONTACTS];
 
     /// The compliance of a point on a spring of 3 kN/m between planes, and their gaps. Some planes are nearly parallel.
     fn planes(numbers: &[[f64; 4]], spread: f64) -> (Square, [f64; MAX_CONTACTS]) {
@@ -231,11 +242,19 @@ mod tests {
 
     /// Checks the conditions of the problem, up to rounding: pivots of nearly parallel planes lose eight digits. No device renders a
     /// gap of 0.1 um.
-    fn check(count: usize, rows: &Square, gaps: &[f64; MAX_CONTACTS], forces: &[f64]) {
+    fn check(
+        count: usize,
+        rows: &Square,
+        gaps: &[f64; MAX_CONTACTS],
+        forces: &[f64],
+        held: &[bool; MAX_CONTACTS],
+    ) {
         for i in 0..count {
             let gap: f64 = gaps[i] + (0..count).map(|j| rows[i][j] * forces[j]).sum::<f64>();
-            assert!(forces[i] >= 0.0 && gap > -1e-7, "{i}: {gap} {forces:?}");
-            assert!(gap < 1e-7 || forces[i] == 0.0, "{i}: {gap} {forces:?}");
+            let is_closed = gap.abs() < 1e-7;
+            let is_open = !held[i] && gap > 0.0 && forces[i] == 0.0;
+            assert!(is_closed || is_open, "{i}: {gap} {forces:?}");
+            assert!(held[i] || forces[i] >= 0.0, "{i}: {gap} {forces:?}");
         }
     }
 
@@ -248,10 +267,10 @@ mod tests {
         ) {
             let count = numbers.len();
             let (rows, gaps) = planes(&numbers, spread);
-            let mut problem = Normals::new(count, &rows, &warm);
+            let mut problem = Normals::new(count, &rows, [&warm, &NONE]);
             prop_assert!(problem.solve(gaps));
             let forces: Vec<f64> = problem.forces().collect();
-            check(count, &rows, &gaps, &forces);
+            check(count, &rows, &gaps, &forces, &NONE);
         }
 
         #[test]
@@ -259,6 +278,7 @@ mod tests {
             factors in proptest::collection::vec(proptest::array::uniform16(-1.0..1.0_f64), MAX_CONTACTS),
             gaps in proptest::array::uniform16(-1e-3..1e-3_f64),
             warm in proptest::array::uniform16(any::<bool>()),
+            held in prop_oneof![Just(NONE), proptest::array::uniform16(any::<bool>())],
         ) {
             let mut rows = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
             for (i, row) in rows.iter_mut().enumerate() {
@@ -267,10 +287,10 @@ mod tests {
                     *entry = product.sum::<f64>() * 1e-4 + f64::from(u8::from(i == j)) * 1e-4;
                 }
             }
-            let mut problem = Normals::new(MAX_CONTACTS, &rows, &warm);
+            let mut problem = Normals::new(MAX_CONTACTS, &rows, [&warm, &held]);
             prop_assert!(problem.solve(gaps));
             let forces: Vec<f64> = problem.forces().collect();
-            check(MAX_CONTACTS, &rows, &gaps, &forces);
+            check(MAX_CONTACTS, &rows, &gaps, &forces, &held);
         }
     }
 
@@ -282,11 +302,11 @@ mod tests {
         (rows[0][1], rows[1][0]) = (-1.0, -1.0);
         let mut gaps = [0.0; MAX_CONTACTS];
         (gaps[0], gaps[1]) = (-1e-3, -1e-3);
-        let mut problem = Normals::new(2, &rows, &[false; MAX_CONTACTS]);
+        let mut problem = Normals::new(2, &rows, [&NONE; 2]);
         assert!(!problem.solve(gaps));
         // There is room for a force at one of them.
         gaps[1] = 2e-3;
-        let mut problem = Normals::new(2, &rows, &[false; MAX_CONTACTS]);
+        let mut problem = Normals::new(2, &rows, [&NONE; 2]);
         assert!(problem.solve(gaps));
         assert_eq!(problem.forces().collect::<Vec<_>>(), [1e-3, 0.0]);
     }

@@ -59,6 +59,9 @@ pub struct PatchHead {
     pub period: f64,
     /// The ratio of damping to stiffness (s), as one Rayleigh time.
     pub damping: f64,
+    /// The fraction of the energy under the forces of the sites that is elastic (1). The rest is that of motions which nothing but inertia
+    /// holds, and gives the hand nothing back.
+    pub elastic: f64,
     /// The stiffness of the surface against the resultant of the contact (N/m), in its direction; infinite for an obstacle.
     pub stiffness: f64,
     /// The compliance (m/N) that the device adds where the surface is stiffer than the device can render: `1/K_t - 1/K`, if
@@ -83,6 +86,7 @@ impl PatchHead {
             time_ns: 0,
             period: 1.0,
             damping: 0.0,
+            elastic: 1.0,
             stiffness: f64::INFINITY,
             floor: Mat3::zeros(),
             turning_floor: Mat3::zeros(),
@@ -229,6 +233,7 @@ pub(super) fn check(patch: &impl Publication<Head = PatchHead>) -> Result<(), Pa
     let is_sound = head.period.is_finite()
         && head.period > 0.0
         && head.stiffness > 0.0
+        && (0.0..=1.0).contains(&head.elastic)
         && numbers.all(|number| number.is_finite() && number >= 0.0)
         && is_finite(&head.floor)
         && is_finite(&head.turning_floor)

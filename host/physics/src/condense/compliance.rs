@@ -35,6 +35,8 @@ const LEAST_PIVOT: f64 = 1e-6;
 /// The least time (s) of the shapes. In a shorter time a force reaches the surroundings of a site only, and the shapes are too
 /// stiff for a hand that presses: with one millisecond, the force was wrong by a quarter.
 const LEAST_TIME: f64 = 1.0 / 60.0;
+/// The error of a compliance, as a fraction of the largest one, by which the stiffness of a resultant is bounded.
+const ERROR: f64 = 1e-2;
 /// The least number of iterations that the first computation of a shape may take.
 const FIRST_ITERATIONS: usize = 200;
 
@@ -77,6 +79,8 @@ pub struct SiteCompliance {
     inertia: Square,
     eigen: Eigen,
     root: Square,
+    /// Whether inertia alone resists a motion, by row of the factor.
+    is_inert: Vec<bool>,
     compliance: Square,
     damping: f64,
 }
@@ -109,6 +113,7 @@ impl SiteCompliance {
             inertia: square.clone(),
             eigen: Eigen::new(3 * sites),
             root: square.clone(),
+            is_inert: vec![false; 3 * sites],
             compliance: square,
             damping: 0.0,
         }
@@ -121,6 +126,22 @@ impl SiteCompliance {
     /// For a place that is not in the list.
     pub fn between(&self, one: usize, other: usize) -> Mat3 {
         Mat3::from_fn(|row, column| self.compliance[(3 * one + row, 3 * other + column)])
+    }
+
+    /// The energies under forces `of` the sites (J): the elastic one, and that with the motions which inertia alone resists.
+    pub fn energies(&self, of: &dyn Fn(usize) -> Vec3) -> [f64; 2] {
+        let (mut elastic, mut whole) = (0.0, 0.0);
+        for (row, is_inert) in self.is_inert.iter().enumerate() {
+            let moved = (0..self.sites.len()).map(|site| {
+                let force = of(site);
+                let each = (0..3).map(|axis| self.root[(row, 3 * site + axis)] * force[axis]);
+                each.sum::<f64>()
+            });
+            let energy = 0.5 * moved.sum::<f64>().powi(2);
+            whole += energy;
+            elastic += if *is_inert { 0.0 } else { energy };
+        }
+        [elastic, whole]
     }
 
     /// The ratio of damping to stiffness (s), as one time: `tr(U^T C U) / tr(U^T K U)`.
@@ -319,6 +340,7 @@ impl SiteCompliance {
         // A motion whose stiffness is its inertia has an eigenvalue of one here.
         self.root.copy_from(&self.inertia);
         self.root.scale(a + b * rate);
+        self.is_inert.fill(false);
         if self.eigen.is_below_one(&self.root) {
             // `(1 - a m) / b` of all motions, and its factor.
             self.inertia.scale(-a / b);
@@ -338,7 +360,9 @@ impl SiteCompliance {
         for k in 0..size {
             // No motion has more inertia than `1 / a`; shapes of different states may seem to.
             let inertia = self.eigen.value(k).max(0.0).min(1.0 / a);
-            let stiffness = ((1.0 - a * inertia) / b).max(inertia * rate);
+            let elastic = (1.0 - a * inertia) / b;
+            self.is_inert[k] = elastic < inertia * rate;
+            let stiffness = elastic.max(inertia * rate);
             let part = 1.0 / stiffness.sqrt();
             for i in 0..size {
                 let vector = self.eigen.vector(k).iter().take(i + 1).enumerate();
@@ -361,6 +385,12 @@ pub fn resultant(arms: &[Vec3], between: &dyn Fn(usize, usize) -> Mat3) -> Optio
     }
     if count == 0 || (0..3 * count).any(|at| factor[(at, at)] <= 0.0) {
         return None;
+    }
+    // Shapes of different states make common displacements look rigid that are not: these few points then would be as stiff as the errors of
+    // their compliance are small.
+    let largest = (0..3 * count).fold(0.0, |most: f64, at| most.max(factor[(at, at)]));
+    for at in 0..3 * count {
+        factor[(at, at)] += ERROR * largest;
     }
     factorize(&mut factor);
     // By motion: the displacements of the points, times the inverse of the factor.

@@ -66,6 +66,8 @@ pub(crate) struct Kept {
     pub age: u32,
     /// Whether the contact began with an overlap that has not parted.
     pub is_parting: bool,
+    /// Where a shape holds the first foot (m, axes of the shape); `None` for a contact that is not held.
+    pub anchor: Option<Vec3>,
     /// Whether a contact of the present step has taken the state.
     pub is_taken: bool,
 }
@@ -80,6 +82,11 @@ impl Kept {
         } else {
             Vec3::zeros()
         }
+    }
+
+    /// Whether the contact had a force.
+    pub(super) fn acted(&self) -> bool {
+        self.forces[0] != 0.0
     }
 
     /// The energy (J) in the spring.
@@ -118,6 +125,7 @@ mod tests {
             overrun: 0.0,
             age: 1,
             is_parting: false,
+            anchor: None,
             is_taken: false,
         }
     }

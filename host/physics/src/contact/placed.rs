@@ -15,6 +15,8 @@ pub struct Placed {
     pub start: Isometry3<f64>,
     /// Where they are at its end.
     pub end: Isometry3<f64>,
+    /// Whether the shape keeps the points that it touches.
+    pub holds: bool,
 }
 
 impl Placed {

@@ -18,12 +18,18 @@
 //! place of `kappa`. [`Stiffness`] keeps `kappa` at eight or above for the vertices themselves. One update a step beyond the
 //! first costs nothing at rest, and a dropped sheet comes to rest in a third of the steps.
 
+//!
+//! **Held.** A tool that takes hold of a surface keeps the points that it touches. Their rows do not open and do not slip: `lam` may be
+//! negative, and the friction force has no bound.
+
 use crate::{Mat3, Vec3};
 
 /// Displacement (m) at which a full friction force slips: the anchor's spring stretches by this much at most.
 const SLIP: f64 = 10e-6;
 /// The least `kappa` of the masses of a row.
 const KAPPA: f64 = 8.0;
+/// The largest friction force (N) of a row that is held. It is finite, so that differences of such bounds are numbers.
+const UNBOUNDED: f64 = f64::MAX;
 
 /// The law of a row in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +54,8 @@ pub struct Row {
     pub most: f64,
     /// The force of the friction spring that is carried (N), across the normal.
     pub anchored: Vec3,
+    /// Whether the contact neither opens nor slips.
+    pub is_held: bool,
 }
 
 /// What a row does for a displacement.
@@ -55,7 +63,7 @@ pub struct Row {
 pub struct Response {
     /// The gap (m).
     pub gap: f64,
-    /// The normal force (N), not negative.
+    /// The normal force (N); negative only where a row is held.
     pub normal: f64,
     /// The friction force (N), across the normal.
     pub friction: Vec3,
@@ -65,13 +73,29 @@ pub struct Response {
     pub slips: bool,
 }
 
+impl Response {
+    /// Whether the contact has a force.
+    pub fn acts(&self) -> bool {
+        self.normal != 0.0
+    }
+}
+
 impl Row {
     /// The response to the displacement `ju` of the first foot against the second one (m).
     pub fn response(&self, ju: &Vec3) -> Response {
         let relative = ju - self.motion;
         let gap = self.gap + self.normal.dot(&relative);
         let normal = self.normal_force(gap);
-        self.with_normal(&relative, gap, normal, self.friction * normal)
+        self.with_normal(&relative, gap, normal, self.most_friction(normal))
+    }
+
+    /// The largest friction force (N) under a normal force (N): that of Coulomb's cone.
+    pub fn most_friction(&self, normal: f64) -> f64 {
+        if self.is_held {
+            UNBOUNDED
+        } else {
+            self.friction * normal
+        }
     }
 
     /// The response to the displacement `ju` (m) with friction forces up to `most` (N).
@@ -84,12 +108,13 @@ impl Row {
     /// The normal force (N) at a gap (m).
     fn normal_force(&self, gap: f64) -> f64 {
         let linear = self.carried - self.normal_stiffness * gap;
-        linear.max(0.0).min(self.most)
+        let least = if self.is_held { -self.most } else { 0.0 };
+        linear.max(least).min(self.most)
     }
 
     /// Whether a response has the largest normal force.
     pub fn is_at_most(&self, response: &Response) -> bool {
-        response.normal >= self.most
+        response.normal.abs() >= self.most
     }
 
     fn with_normal(&self, relative: &Vec3, gap: f64, normal: f64, most: f64) -> Response {
@@ -136,7 +161,7 @@ impl Row {
     /// The tangent (N/m) at a response: symmetric and positive semidefinite. The coupling of the friction force to the
     /// normal force is left out; the passes of the solver find it.
     pub fn tangent(&self, response: &Response) -> Mat3 {
-        if response.normal == 0.0 {
+        if !response.acts() && !self.is_held {
             return Mat3::zeros();
         }
         let along = self.normal * self.normal.transpose();
@@ -225,6 +250,7 @@ mod tests {
             carried: 1.0,
             most: 2.0,
             anchored: Vec3::zeros(),
+            is_held: false,
         }
     }
 
@@ -279,6 +305,24 @@ mod tests {
         assert_eq!((below.normal, row.is_at_most(&below)), (1.9, false));
         assert_eq!((beyond.normal, row.is_at_most(&beyond)), (2.0, true));
         assert_eq!(row.tangent(&beyond).column(2), Vec3::zeros());
+    }
+
+    #[test]
+    fn a_row_that_is_held_neither_opens_nor_slips() {
+        let row = Row {
+            is_held: true,
+            ..row()
+        };
+        let pulled = row.response(&Vec3::new(0.5, 0.0, 0.02));
+        assert!((pulled.normal + 1.0).abs() < 1e-15 && !pulled.slips && pulled.acts());
+        assert_eq!(pulled.friction, Vec3::new(-25.0, 0.0, 0.0));
+        let whole = Mat3::from_diagonal(&Vec3::new(50.0, 50.0, 100.0));
+        assert!((row.tangent(&pulled) - whole).norm() < 1e-12);
+        // The force is the gradient of the energy, also where the row pulls.
+        let [near, far] = [0.0199, 0.0201].map(|z| row.energy(&(Vec3::z() * z), &Vec3::zeros()));
+        assert!(((far - near) / -2e-4 + 1.0).abs() < 1e-9);
+        // A cone that has no bound has no difference either.
+        assert_eq!(row.most_friction(1.0) - row.most_friction(-1.0), 0.0);
     }
 
     #[test]

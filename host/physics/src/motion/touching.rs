@@ -78,7 +78,7 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
             response,
             stiffened: 0.0,
             before: response,
-            bound: row.friction * response.normal,
+            bound: row.most_friction(response.normal),
             more: 0.0,
             row,
             pass: Pass {
@@ -110,14 +110,14 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
     /// Responds to the displacement at the start of the pass, with friction bounded by its cone.
     fn respond(&mut self) {
         self.response = self.row.response(&self.pass.start);
-        self.bound = self.row.friction * self.response.normal;
+        self.bound = self.row.most_friction(self.response.normal);
     }
 
     /// Takes the stiffness that the force needs at the depth that the contact may have, or that the bodies behind the contact need,
     /// whichever is larger. The masses of the vertices do not tell the stiffness of the bodies.
     fn stiffen(&mut self) {
         let Response { normal, gap, .. } = self.response;
-        let needed = self.row.carried / self.row.depth;
+        let needed = self.row.carried.abs() / self.row.depth;
         let [more, wider] = [normal - self.before.normal, gap - self.before.gap];
         let is_resolved = more > 0.0 && wider > RESOLVED * self.row.depth;
         let of_bodies = if is_resolved { more / wider } else { 0.0 };
@@ -229,7 +229,12 @@ pub(super) fn approach<E: JointEquation, N: AsRef<[(At, f64)]>>(
     }
     let is_deep = |touch: &Touch<N>| {
         let Touch { row, response, .. } = touch;
-        row.depth > 0.0 && response.gap < -row.depth && !row.is_at_most(response)
+        let depth = if row.is_held {
+            response.gap.abs()
+        } else {
+            -response.gap
+        };
+        row.depth > 0.0 && depth > row.depth && !row.is_at_most(response)
     };
     let mut is_solved = false;
     for update in 0..=MOST_UPDATES {
@@ -325,7 +330,7 @@ fn relaxed<N>(touches: &[Touch<N>], relaxation: f64, number: usize) -> f64 {
     }
     let mut sums = [0.0; 2];
     for touch in touches {
-        let more = touch.row.friction * touch.response.normal - touch.bound;
+        let more = touch.row.most_friction(touch.response.normal) - touch.bound;
         let by = more - touch.more;
         sums = [sums[0] + touch.more * by, sums[1] + by * by];
     }
@@ -345,7 +350,7 @@ fn bound<E: JointEquation, N: AsRef<[(At, f64)]>>(
 ) -> f64 {
     let mut left = 0.0_f64;
     for touch in touches {
-        let cone = touch.row.friction * touch.response.normal;
+        let cone = touch.row.most_friction(touch.response.normal);
         touch.more = cone - touch.bound;
         touch.bound += relaxation * touch.more;
         left = left.hypot(cone - touch.bound);
@@ -405,7 +410,7 @@ fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
         &|of, add| {
             for touch in shared {
                 // A contact that is open adds nothing.
-                if touch.response.normal > 0.0 {
+                if touch.row.is_held || touch.response.acts() {
                     touch.add(&(touch.pass.tangent * touch.difference(of)), add);
                 }
             }
@@ -494,6 +499,7 @@ mod tests {
             carried: 2.0,
             most: f64::INFINITY,
             anchored: Vec3::x() * 9.0,
+            is_held: false,
         };
         let mut touches = [Touch::new([], row)];
         let mut relaxation = 1.0;

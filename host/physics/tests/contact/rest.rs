@@ -1,7 +1,7 @@
 //! Sheets that come to rest on obstacles, on each other and on themselves.
 
 use super::world::{H, THICKNESS, World, config, material, sheet};
-use nalgebra::{Isometry3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, UnitQuaternion};
 use physics::contact::Placed;
 use physics::contact::shape::Shape;
 use physics::mesh::generate::{self, Pattern};
@@ -28,6 +28,7 @@ fn still(shape: Shape, at: Vec3) -> Placed {
         shape,
         start: pose,
         end: pose,
+        holds: false,
     }
 }
 
@@ -279,4 +280,76 @@ fn a_folded_sheet_rests_on_itself() {
     assert!(own.count() > 50);
     // The fold still opens slowly.
     check_rest(&world, 1e-4, 1e-4);
+}
+
+/// A sheet lies on a ball that takes hold of it and turns upside down. The sheet hangs from the ball until that lets go.
+#[test]
+fn a_sheet_hangs_from_a_ball_that_holds_it() {
+    let radius = 0.02;
+    let mesh = flat([12, 8], 0.3, Vec3::z() * (0.5 * THICKNESS));
+    let config = BodyConfig {
+        mass_damping: 20.0,
+        ..config(GRAVITY)
+    };
+    let body = Body::sheet(&mesh, &[material()], config, &[]).unwrap();
+    let mut world = World::new(vec![(body, Mesh::Sheet(mesh))], vec![], false);
+    world.obstacles = vec![still(Shape::sphere(radius), Vec3::z() * -radius)];
+    let turned = |angle: f64| {
+        let by = UnitQuaternion::from_axis_angle(&Vec3::x_axis(), angle);
+        Isometry3::from_parts(Vec3::new(0.0, 0.0, -radius).into(), by)
+    };
+    let turn = |world: &mut World, [from, to]: [f64; 2], steps: usize| {
+        for step in 0..steps {
+            if step % 10 == 0 {
+                world.prepare();
+            }
+            let at = |step: usize| turned(from + (to - from) * step as f64 / steps as f64);
+            (world.obstacles[0].start, world.obstacles[0].end) = (at(step), at(step + 1));
+            world.step(1);
+        }
+    };
+    turn(&mut world, [0.0, 0.0], 20);
+    world.obstacles[0].holds = true;
+    turn(&mut world, [0.0, 0.0], 1);
+    let first = apart(&world);
+    assert!(
+        first.len() > 2 && first.iter().all(|by| *by < 1e-5),
+        "{first:?}"
+    );
+    let half = core::f64::consts::PI;
+    turn(&mut world, [0.0, half], 250);
+    turn(&mut world, [half, half], 250);
+    let force = world.forces()[0] / world.weight(0);
+    assert!((force - Vec3::z()).norm() < 0.01, "{force}");
+    // The middle of the sheet is below the ball, which draws it up.
+    let pulled = world.touches.iter().map(|touch| touch.response.normal);
+    assert!(pulled.fold(0.0, f64::min) < -0.1 * world.weight(0));
+    let last = apart(&world);
+    assert!(
+        last.len() >= first.len() && last.iter().all(|by| *by < 1e-6),
+        "{last:?}"
+    );
+    // It falls as soon as the ball lets go.
+    world.obstacles[0].holds = false;
+    turn(&mut world, [half, half], 10);
+    let pulled = world.touches.iter().map(|touch| touch.response.normal);
+    assert!(pulled.fold(0.0, f64::min) >= 0.0);
+    let speeds = world.bodies[0].node_velocities().iter().map(|v| v.z);
+    let mean = speeds.sum::<f64>() / world.bodies[0].vertex_count() as f64;
+    assert!((mean / (-9.81 * 10.0 * H) - 1.0).abs() < 0.5, "{mean}");
+}
+
+/// How far the points that the first obstacle holds are from where it holds them (m).
+fn apart(world: &World) -> Vec<f64> {
+    let x = world.positions();
+    let contacts = world.rows.contacts().iter();
+    let held = contacts.filter_map(|contact| Some((contact, contact.anchor?)));
+    held.map(|(contact, anchor)| {
+        let corners = contact.vertices.iter().zip(contact.weights);
+        let place: Vec3 = corners
+            .map(|(vertex, weight)| x[*vertex as usize] * weight)
+            .sum();
+        (world.obstacles[0].end * Point3::from(anchor) - Point3::from(place)).norm()
+    })
+    .collect()
 }

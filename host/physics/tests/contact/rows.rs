@@ -357,6 +357,7 @@ fn an_obstacle_that_moves_takes_its_contact_along() {
         shape: Shape::Plane,
         start,
         end: turn,
+        holds: false,
     }];
     let (_, found) = scene.contacts(100, None);
     assert_eq!(found.len(), 16);
@@ -397,6 +398,7 @@ fn a_step_allocates_nothing() {
         shape: Shape::sphere(0.05),
         start: Isometry3::identity(),
         end: Isometry3::identity(),
+        holds: false,
     }];
     let all = first.all_pairs();
     let mut responses = Vec::with_capacity(4_000);

@@ -63,6 +63,7 @@ impl Law {
             friction_stiffness: stiffness.friction(),
             carried: carried(last.forces, opening, H, stiffness.depth()),
             anchored: turned,
+            is_held: false,
         };
         let is_impact = last.forces[0] == 0.0 && -opening * H > stiffness.depth();
         let of = |weight: f64| (At { body: 0, node }, weight);

@@ -276,3 +276,8 @@ impl Default for Host {
         }
     }
 }
+
+/// The mask of a button, which the scene counts from one, up to sixteen; zero for none.
+pub fn button_mask(button: Option<usize>) -> u32 {
+    button.map_or(0, |number| 1 << (number - 1))
+}

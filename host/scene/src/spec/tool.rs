@@ -1,7 +1,7 @@
 //! `[[tool]]`: what a device moves, and touches bodies with.
 
 use super::contact::ObstacleMesh;
-use super::{Obstacle, Rotation};
+use super::{Obstacle, Rotation, button_mask};
 use crate::check;
 use physics::Vec3;
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,10 @@ pub struct Tool {
     /// Coefficient of friction against bodies. Default: that of obstacles.
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub friction: Option<f64>,
+    /// The button of the device with which the hand takes hold of what the tool touches, counted from one: as long as the button is down,
+    /// nothing that the tool touches parts from it or slips.
+    #[serde(default, deserialize_with = "check::optional_button")]
+    pub take_button: Option<usize>,
 }
 
 /// `tool.shape`: the names of the shapes.
@@ -124,6 +128,11 @@ impl Tool {
         let turn = self.rotation.map(Rotation::quaternion);
         let turned = |p: Vec3| turn.map_or(p, |turn| turn * p);
         corners.into_iter().map(turned).collect()
+    }
+
+    /// The mask of the button with which the hand takes hold; zero without one.
+    pub fn take_buttons(&self) -> u32 {
+        button_mask(self.take_button)
     }
 
     /// The obstacle that the tool is to bodies. Its shape is that of the tool.

@@ -63,6 +63,8 @@ pub(super) struct ToolSpec {
     pub stiffest: f64,
     /// The stiffest rotational spring that it can render (N m/rad); `None` for a tool that keeps its attitude.
     pub turning: Option<f64>,
+    /// The buttons of the device that take hold of what the tool touches, as a mask.
+    pub take_buttons: u32,
     /// Cut-off of its path (Hz).
     pub cutoff: f64,
     /// The publication period, and the largest age at which a patch must be good (s).
@@ -74,6 +76,8 @@ pub(super) struct ToolSpec {
 pub(super) struct HostTool {
     spec: ToolSpec,
     path: HandlePath,
+    /// Whether the hand takes hold of what the tool touches.
+    holds: bool,
     /// Where the tool is at the end of the step, and its hull there, about its centre, in axes of the scene.
     pose: HandlePose,
     hull: Hull,
@@ -130,6 +134,7 @@ pub(super) fn all(world: &World<'_>) -> Vec<HostTool> {
             start: tool.position.into(),
             stiffest: stiffest(world.loaded, device),
             turning: stiffest_turning(world.loaded, device),
+            take_buttons: tool.take_buttons(),
             cutoff: scene.host.smoothing,
             period: 1.0 / scene.host.publish_rate,
             horizon: horizon(&scene.host),
@@ -143,6 +148,7 @@ impl HostTool {
     fn new(spec: ToolSpec, walls: Vec<Wall>) -> Self {
         Self {
             path: HandlePath::new(spec.device, spec.cutoff, Pose::at(spec.start)),
+            holds: false,
             pose: HandlePose {
                 position: spec.start,
                 rotation: UnitQuaternion::identity(),
@@ -163,6 +169,9 @@ impl HostTool {
         if let Some(Some(pose)) = record.tools.get(self.spec.device) {
             self.path.follow_to(record.time_ns, pose);
         }
+        if let Some(buttons) = record.buttons.get(self.spec.device) {
+            self.holds = buttons & self.spec.take_buttons != 0;
+        }
     }
 
     /// Moves the tool to its pose at the end of a step between these times (s), as [`catch_up`] lets it.
@@ -177,6 +186,7 @@ impl HostTool {
             pose: Isometry3::from_parts(Translation3::from(pose.position), pose.rotation),
         });
         contacts.lead(self.spec.obstacle, rows);
+        contacts.take_hold(self.spec.obstacle, self.holds);
         if self.spec.turning.is_some() {
             self.hull = self.spec.shape.hull().turned(&self.pose.rotation);
         }
@@ -268,6 +278,7 @@ impl HostTool {
             row.fill(Mat3::zeros());
         }
         self.patch.head.damping = 0.0;
+        let mut energies = [0.0; 2];
         for (number, body) in bodies.iter_mut().enumerate() {
             let on_body =
                 |slot: &Option<Vertex>| slot.filter(|vertex| vertex.side == Side::Body(number));
@@ -282,6 +293,11 @@ impl HostTool {
             renewed.ok()?;
             let head = &mut self.patch.head;
             head.damping = head.damping.max(compliance.damping());
+            let sites = &self.patch.sites;
+            let found = compliance.energies(&|slot| {
+                on_body(&self.slots[slot]).map_or_else(Vec3::zeros, |_| sites[slot].force)
+            });
+            energies = [energies[0] + found[0], energies[1] + found[1]];
             for (one, row) in self.patch.compliance.iter_mut().enumerate() {
                 for (other, block) in row.iter_mut().enumerate() {
                     if on_body(&self.slots[one]).is_some() && on_body(&self.slots[other]).is_some()
@@ -291,6 +307,8 @@ impl HostTool {
                 }
             }
         }
+        let [elastic, whole] = energies;
+        self.patch.head.elastic = if whole > 0.0 { elastic / whole } else { 1.0 };
         Some(())
     }
 

@@ -174,6 +174,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
         decay: 0.1,
         recovery: 0.01,
         hold_damping: 1.0,
+        take_buttons: 0,
         passivity: PassivityConfig::new(1e-3),
     };
     for place in config.tools.iter_mut().take(devices) {

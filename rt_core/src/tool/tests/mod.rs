@@ -1,5 +1,6 @@
 //! The law of a tool against analytic results: grooves, edges, the floor, friction, and messages that change nothing.
 
+mod holding;
 mod shapes;
 mod turning;
 

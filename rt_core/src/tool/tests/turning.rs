@@ -5,25 +5,25 @@ use super::*;
 use nalgebra::UnitQuaternion;
 
 /// The stiffest rotational spring of the device (N m/rad).
-const TURNING: f64 = 20.0;
+pub(super) const TURNING: f64 = 20.0;
 /// Feet on a floor that are nearer to each other than this fraction of the radius are one: by this angle (rad) the normal of a round edge that
 /// rolls may lag behind.
 const ONE: f64 = 3e-3;
 
 /// A tool that turns, on a device of 3 kN/m and 20 N m/rad.
-fn turning(hull: &Hull, radius: f64) -> Tool {
+pub(super) fn turning(hull: &Hull, radius: f64) -> Tool {
     let mut config = rounded(hull, radius).config;
     config.turns = true;
     Tool::new(config)
 }
 
-fn rigid(triangles: &[[[f64; 3]; 3]], friction: f64) -> Patch {
+pub(super) fn rigid(triangles: &[[[f64; 3]; 3]], friction: f64) -> Patch {
     let mut patch = obstacle(triangles, friction);
     patch.head.turning_floor.fill_diagonal(1.0 / TURNING);
     patch
 }
 
-fn hand(place: Vec3, turn: Vec3) -> Pose {
+pub(super) fn hand(place: Vec3, turn: Vec3) -> Pose {
     Pose {
         position: place,
         rotation: UnitQuaternion::from_scaled_axis(turn),

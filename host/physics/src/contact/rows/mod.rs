@@ -23,6 +23,7 @@ use crate::contact::placed::Placed;
 use crate::contact::row::{Response, Row, Stiffness, carried};
 use crate::contact::surface::Surfaces;
 use crate::contact::thinning::Thinning;
+use nalgebra::Point3;
 
 /// Room for rows before they are thinned, as a multiple of the rows.
 const FOUND: usize = 4;
@@ -43,6 +44,8 @@ const DEEP: f64 = 0.05;
 const HELD: f64 = 0.05;
 /// A vertex goes before edges that are deeper by less than this fraction.
 const FIRST: f64 = 0.1;
+/// The least force (N) of a contact that is held, for its stiffness: a hand that pulls gains force without having pressed before.
+const HELD_FORCE: f64 = 1.0;
 /// The thickness (m) by which the stiffness of surfaces without thickness goes.
 const THINNEST: f64 = 1e-5;
 
@@ -129,6 +132,8 @@ pub struct Contact {
     pub inexact: f64,
     /// Steps since the contact was found.
     pub age: u32,
+    /// Where a shape holds the first foot (m, axes of the shape); `None` for a contact that is not held.
+    pub anchor: Option<Vec3>,
     /// Whether an overlap parts.
     pub is_parting: bool,
     /// Whether the contact closes fast: its island needs a second update of the multipliers.
@@ -145,6 +150,28 @@ impl Contact {
         self.forces
     }
 
+    /// From where a shape holds the first foot to where the foot is, if it does not move against the shape (m).
+    fn away(&self, step: &Step<'_>) -> Option<Vec3> {
+        let anchor = Point3::from(self.anchor?);
+        let number = self.parts[1].checked_sub(step.surfaces.parts.len())?;
+        let held = step.obstacles[number].end * anchor;
+        Some(self.place(step.x) + self.row.motion - held.coords)
+    }
+
+    /// Where the first foot is at places `x` of the vertices (m).
+    fn place(&self, x: &[Vec3]) -> Vec3 {
+        let corners = self.vertices.iter().zip(self.weights);
+        let first = corners.filter(|(_, weight)| *weight > 0.0);
+        first
+            .map(|(vertex, weight)| x[*vertex as usize] * weight)
+            .sum()
+    }
+
+    /// Whether the contact had a force in the last step.
+    fn acted(&self) -> bool {
+        self.forces[0] != 0.0
+    }
+
     /// The vertices that move, each with the direction in which the normal force pushes it.
     fn pushed<'a>(&'a self, masses: &'a [f64]) -> impl Iterator<Item = (u32, Vec3)> + Clone + 'a {
         let each = self.vertices.iter().zip(&self.weights);
@@ -154,7 +181,7 @@ impl Contact {
 
     /// How deep the contact is, in thicknesses: the smaller, the deeper.
     fn depth(&self) -> f64 {
-        let held = if self.forces[0] > 0.0 { HELD } else { 0.0 };
+        let held = if self.acted() { HELD } else { 0.0 };
         let first = match self.key {
             Key::Vertex(..) => FIRST,
             Key::Between(..) | Key::Edges(..) => 0.0,
@@ -247,6 +274,7 @@ impl Rows {
         self.pressing(step);
         self.sort();
         self.carry();
+        self.hold(step);
         self.choose(step);
         self.report.rows = self.contacts.len();
         self.report
@@ -295,6 +323,7 @@ impl Rows {
                 overrun: contact.overrun,
                 age: contact.age + 1,
                 is_parting: contact.is_parting,
+                anchor: contact.anchor,
                 is_taken: false,
             });
         }
@@ -302,10 +331,16 @@ impl Rows {
         self.kept.sort_unstable_by_key(|state| state.key);
     }
 
+    /// Where a contact was held in the last step.
+    fn anchor(&self, key: Key) -> Option<Vec3> {
+        let found = self.kept.binary_search_by_key(&key, |kept| kept.key);
+        self.kept[found.ok()?].anchor
+    }
+
     /// Whether a contact had a force in the last step.
     pub(crate) fn holds(&self, key: Key) -> bool {
         let found = self.kept.binary_search_by_key(&key, |kept| kept.key);
-        found.is_ok_and(|at| self.kept[at].forces[0] > 0.0)
+        found.is_ok_and(|at| self.kept[at].acted())
     }
 
     /// What the contacts keep from the last step, to be taken [back](Self::go_back_to).
@@ -483,6 +518,7 @@ impl Rows {
                     of.pressure * least_area(step.surfaces, at)
                 }),
                 anchored: Vec3::zeros(),
+                is_held: false,
             },
             thickness,
             predicted: predicted - thickness,
@@ -492,6 +528,7 @@ impl Rows {
             stiffened: 0.0,
             inexact: 0.0,
             age: 0,
+            anchor: None,
             is_parting: false,
             is_impact: false,
             forces: [0.0; 2],
@@ -542,7 +579,7 @@ impl Rows {
                 continue;
             }
             contact.forces = state.forces;
-            contact.opened = (state.forces[0] > 0.0).then_some(state.opening);
+            contact.opened = state.acted().then_some(state.opening);
             contact.stiffened = state.stiffened;
             row.anchored = state.friction_across(&row.normal);
             // Kept for the change of the stiffness.
@@ -578,7 +615,7 @@ impl Rows {
                 }
             };
             // Rounding must not change the rows of layers at rest.
-            if is_kept || contact.forces[0] > 0.0 {
+            if is_kept || contact.acted() || contact.anchor.is_some() {
                 self.is_kept[*place as usize] = true;
                 rows += 1;
             } else {
@@ -637,7 +674,9 @@ fn parting(gap: f64, step: &Step<'_>) -> f64 {
 /// A contact with the stiffness that it has in the step.
 fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contact {
     let mut contact = *contact;
+    let away = contact.away(step);
     let row = &mut contact.row;
+    row.is_held = away.is_some();
     let each = || {
         let each = contact.vertices.into_iter().zip(contact.weights);
         each.filter(|(_, weight)| *weight != 0.0)
@@ -657,8 +696,13 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         step: step.h,
         thickness: contact.thickness.max(THINNEST),
         approach: -opening,
-        force: contact.forces[0].max(contact.forces[1]),
-        friction: row.friction,
+        force: if row.is_held {
+            let [latest, former] = contact.forces.map(f64::abs);
+            latest.max(former).max(HELD_FORCE)
+        } else {
+            contact.forces[0].max(contact.forces[1])
+        },
+        friction: if row.is_held { 1.0 } else { row.friction },
     };
     let before = core::mem::replace(&mut row.friction_stiffness, stiffness.friction());
     if before > 0.0 {
@@ -667,12 +711,19 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
     }
     row.normal_stiffness = stiffness.normal().max(contact.stiffened);
     row.depth = (DEEP * stiffness.thickness).max(contact.inexact.min(EXACT));
-    row.carried = carried(contact.forces, opening, step.h, stiffness.depth()).min(row.most);
-    if contact.is_parting {
+    row.carried = if row.is_held {
+        contact.forces[0]
+    } else {
+        carried(contact.forces, opening, step.h, stiffness.depth()).clamp(0.0, row.most)
+    };
+    if let Some(away) = away {
+        (row.gap, contact.is_parting) = (row.normal.dot(&away), false);
+        row.anchored -= (away - row.normal * row.gap) * row.friction_stiffness;
+    } else if contact.is_parting {
         row.gap = parting(row.gap, step);
     }
     report.parting += usize::from(contact.is_parting);
-    let closes = contact.forces[0] == 0.0 && contact.predicted < 0.0;
+    let closes = !contact.acted() && contact.predicted < 0.0;
     contact.is_impact = closes && -opening * step.h > stiffness.depth();
     contact
 }

@@ -7,10 +7,13 @@ use super::{Contact, Rows, Step, parting, strung};
 use crate::Vec3;
 use crate::contact::between::{Between, SHORT};
 use crate::contact::feet::{Connection, is_within};
-use crate::contact::kept::{Kept, Key};
+use crate::contact::kept::Key;
 use crate::contact::pair::Foot;
 use crate::contact::shape::Nearest;
+use nalgebra::Point3;
 
+/// The distance from a point that is held, as a fraction of the radius of the shape, within which it stands for all points between vertices.
+const NEAR_HELD: f64 = 0.5;
 /// The least product of the directions to a shape at the start and at the end of a step, for which the row has the direction
 /// at the end. A vertex that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end,
 /// where the force gives energy: more than friction takes, if `a` is large.
@@ -37,15 +40,51 @@ impl Rows {
     /// Makes contacts of the points between vertices that pressed a shape in the last step.
     pub(super) fn pressing(&mut self, step: &Step<'_>) {
         for number in 0..self.kept.len() {
-            let Kept { key, forces, .. } = self.kept[number];
-            let Key::Between(point, other) = key else {
+            let state = self.kept[number];
+            let Key::Between(point, other) = state.key else {
                 continue;
             };
             let part = self.part_of[point.vertices[0] as usize] as usize;
             let meeting = (step.meeting)(part, other as usize);
-            if let Some(meeting) = meeting.filter(|_| forces[0] > 0.0) {
+            if let Some(meeting) = meeting.filter(|_| state.anchor.is_some() || state.acted()) {
                 let number = other as usize - step.surfaces.parts.len();
                 self.between(step, point, [part, number], meeting.distance);
+            }
+        }
+    }
+
+    /// Takes hold of the contacts that pressed shapes which hold. A contact that is held stands for the points between vertices near it: they
+    /// would act against each other.
+    pub(super) fn hold(&mut self, step: &Step<'_>) {
+        for (number, obstacle) in step.obstacles.iter().enumerate() {
+            let other = step.surfaces.parts.len() + number;
+            let Some(rounded) = obstacle.rounded().filter(|_| obstacle.holds) else {
+                continue;
+            };
+            let near = NEAR_HELD * rounded.radius();
+            let mut place = 0;
+            // Vertices come before the points between them.
+            while let Some(number) = self.order.get(place) {
+                let number = *number as usize;
+                let contact = &self.found[number];
+                place += 1;
+                if contact.parts[1] != other || contact.anchor.is_some() {
+                    continue;
+                }
+                let at = contact.place(step.x);
+                let found = |number: &u32| &self.found[*number as usize];
+                let mut held = self.order.iter().map(found);
+                let is_near = |one: &Contact| {
+                    let is_held = one.parts[1] == other && one.anchor.is_some();
+                    is_held && (one.place(step.x) - at).norm() < near
+                };
+                if matches!(contact.key, Key::Between(..)) && held.any(is_near) {
+                    place -= 1;
+                    self.order.remove(place);
+                } else if contact.acted() {
+                    let own = obstacle.start.inverse_transform_point(&Point3::from(at));
+                    self.found[number].anchor = Some(own.coords);
+                }
             }
         }
     }
@@ -103,8 +142,8 @@ impl Rows {
         let there = gap + near.normal.dot(&by);
         let is_inexact =
             (there - now).abs() > contact.inexact && there.min(now) < 0.5 * contact.inexact;
-        (contact.inexact > 0.0 && is_inexact && near.normal.dot(&row.normal) > TURNED)
-            .then_some((near.normal, gap))
+        let looks = contact.inexact > 0.0 && !row.is_held;
+        (looks && is_inexact && near.normal.dot(&row.normal) > TURNED).then_some((near.normal, gap))
     }
 
     /// Gives a contact another direction and gap (m).
@@ -216,7 +255,12 @@ impl Rows {
         } else {
             distance + normal.dot(&relative)
         };
-        if !is_within(predicted.min(end.distance), thickness, relative.norm()) {
+        let anchor = if obstacle.holds {
+            self.anchor(key)
+        } else {
+            None
+        };
+        if anchor.is_none() && !is_within(predicted.min(end.distance), thickness, relative.norm()) {
             return;
         }
         let connection = Connection {
@@ -231,7 +275,7 @@ impl Rows {
         };
         let other = step.surfaces.parts.len() + number;
         let mut contact = self.contact(step, key, [part, other], &connection, predicted, thickness);
-        contact.row.motion = motion;
+        (contact.row.motion, contact.anchor) = (motion, anchor);
         contact.start = start.distance - thickness;
         if let Some(rounded) = obstacle.rounded() {
             contact.inexact = INEXACT * rounded.radius();

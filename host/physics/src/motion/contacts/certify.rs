@@ -145,7 +145,7 @@ impl Contacts {
     fn hold_together(&mut self) -> bool {
         let mut is_changed = false;
         for (touch, row) in self.touches.iter().zip(&self.of_row) {
-            if touch.response.normal == 0.0 {
+            if !touch.response.acts() {
                 continue;
             }
             let contact = &self.rows.contacts()[*row];
@@ -367,6 +367,7 @@ mod tests {
                 shape: shape.clone(),
                 start,
                 end: Isometry3::from_parts(Vec3::from(moved).into(), turned) * start,
+                holds: false,
             };
             let (place, by) = (Vec3::from(place), Vec3::from(by));
             prop_assume!(placed.at_start(&place).distance > 0.0);

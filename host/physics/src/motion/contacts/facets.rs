@@ -221,7 +221,7 @@ impl Facets {
     pub(super) fn keep(&mut self) {
         let each = self.touches.iter().zip(&self.of);
         self.kept = each
-            .filter(|(touch, _)| touch.response.normal > 0.0)
+            .filter(|(touch, _)| touch.response.acts())
             .map(|(touch, (key, _))| (*key, (touch.response.normal, touch.response.friction)))
             .collect();
     }
@@ -350,6 +350,7 @@ impl Faces {
             friction_stiffness: Stiffness { force, ..stiff }.friction(),
             carried: force,
             anchored: across,
+            is_held: false,
         };
         let nodes = each().filter_map(|(node, weight)| Some((at(node)?, weight)));
         (compliance > 0.0).then(|| (Touch::new(nodes.collect(), row), area))

@@ -234,6 +234,15 @@ impl Contacts {
         self.obstacles[obstacle].lead(rows);
     }
 
+    /// Tells whether an obstacle with a shape `holds` the points that it touches: from the next step on, those that pressed it in the last
+    /// step neither part from it nor slip.
+    pub fn take_hold(&mut self, obstacle: usize, holds: bool) {
+        let each = self.shapes.iter_mut().zip(&self.of_shapes);
+        for (placed, _) in each.filter(|(_, number)| **number == obstacle) {
+            placed.holds = holds;
+        }
+    }
+
     /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one
     /// of the `times` (s) to the other.
     pub fn begin<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {

@@ -203,6 +203,7 @@ impl Contacts {
                 shape: shape.clone(),
                 start: pose,
                 end: pose,
+                holds: false,
             });
         }
         self.obstacles.push(obstacle);

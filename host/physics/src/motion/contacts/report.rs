@@ -91,7 +91,7 @@ impl Contacts {
     /// the contact.
     pub fn points(&self) -> impl Iterator<Item = ([usize; 2], Vec3, &Touch)> {
         let touches = self.touches.iter().zip(&self.of_row);
-        let acting = touches.filter(|(touch, _)| touch.response.normal > 0.0);
+        let acting = touches.filter(|(touch, _)| touch.response.acts());
         acting.map(|(touch, row)| {
             let contact = &self.rows.contacts()[*row];
             let corners = contact.vertices.iter().zip(contact.weights);
@@ -108,7 +108,7 @@ impl Contacts {
             return false;
         }
         let touches = self.touches.iter().zip(&self.of_row);
-        let acting = touches.filter(|(touch, _)| touch.response.normal > 0.0);
+        let acting = touches.filter(|(touch, _)| touch.response.acts());
         let mut contacts = acting.map(|(_, row)| &self.rows.contacts()[*row]);
         contacts.all(|contact| {
             let mut corners = contact.vertices.iter().zip(contact.weights);
@@ -126,7 +126,7 @@ impl Contacts {
         for (touch, row) in self.touches.iter().zip(&self.of_row) {
             responses[*row] = Some(touch.response);
             let contact = &self.rows.contacts()[*row];
-            if touch.response.normal == 0.0 && contact.row.motion == Vec3::zeros() {
+            if !touch.response.acts() && contact.row.motion == Vec3::zeros() {
                 self.rows.set_overrun(*row, 0.0);
                 continue;
             }
@@ -156,7 +156,7 @@ impl Contacts {
                 let parted = touch.response.normal * opened.max(0.0);
                 self.report.parted += parted;
                 self.report.taken += parted;
-            } else {
+            } else if !contact.row.is_held {
                 // The obstacle pushes as far as it has come and the vertices give way.
                 let [came, all] = [&motion, &contact.row.motion].map(|by| normal.dot(by));
                 let room = contact.overrun + all.max(0.0);
@@ -167,7 +167,7 @@ impl Contacts {
             }
             self.report.taken += by_obstacles - on_bodies;
             self.report.by_obstacles += by_obstacles;
-            if touch.response.normal > 0.0 {
+            if touch.response.acts() {
                 add_to(&mut self.touching, contact.parts, touch);
             }
             // Where a vertex was stopped without room, the stiffness may come from rows against each other.
@@ -180,7 +180,7 @@ impl Contacts {
             }
         }
         for (touch, (corner, _)) in self.facets.touches.iter().zip(&self.facets.of) {
-            if touch.response.normal > 0.0 {
+            if touch.response.acts() {
                 add_to(&mut self.touching, self.facets.pair(corner.0).sides, touch);
             }
         }
@@ -218,10 +218,7 @@ impl Contacts {
         self.sum_up();
         for (body, member) in members.iter_mut().enumerate() {
             if let Some(stepper) = member.stepper.as_deref_mut().filter(|s| !s.sleeps()) {
-                let acting = self
-                    .touches
-                    .iter()
-                    .filter(|touch| touch.response.normal > 0.0);
+                let acting = self.touches.iter().filter(|touch| touch.response.acts());
                 stepper.touch(acting.filter_map(|touch| tangent(touch, body)));
             }
         }
@@ -247,7 +244,7 @@ fn add_to<N: AsRef<[(At, f64)]>>(sums: &mut Vec<Touching>, parts: [usize; 2], to
     });
     let sum = &mut sums[at];
     sum.count += 1;
-    sum.normal += touch.response.normal;
+    sum.normal += touch.response.normal.abs();
     sum.friction += touch.response.friction.norm();
     sum.force += touch.force() * sign;
     sum.depth = sum.depth.max(-touch.response.gap);

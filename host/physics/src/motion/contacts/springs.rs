@@ -84,7 +84,7 @@ impl Contacts {
         springs.clear();
         for root in 0..MOST_BODIES {
             let touches = self.touches.iter().zip(&self.of_row);
-            for (touch, row) in touches.filter(|(touch, _)| touch.response.normal > 0.0) {
+            for (touch, row) in touches.filter(|(touch, _)| touch.response.acts()) {
                 let mut nodes = touch.nodes.iter().filter(|(_, weight)| *weight != 0.0);
                 let body = nodes.next().map(|(at, _)| at.body);
                 if body.is_some_and(|body| self.islands.root(body) == root) {
@@ -234,6 +234,7 @@ mod tests {
             carried: 1.0,
             most: 2.0,
             anchored: Vec3::zeros(),
+            is_held: false,
         };
         let node = At { body: 0, node: 0 };
         for (depth, along) in [(0.05, 10.0 * RIGID), (0.2, 0.0)] {
