@@ -2,13 +2,15 @@
 
 use host::engine::faults::{FaultKind, HostFault};
 use host::log::Log;
-use host::run::prepare::Options;
+use host::run::prepare::{Options, Prepared};
 use host::run::replay::{replay, scene_of};
 use host::run::session::Session;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use rt_core::{Telemetry, Vec3};
+use runner::AnyDevice;
+use sim::{Fault, Faulty};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -136,6 +138,39 @@ fn a_hold_outlives_a_host_that_stalls() {
             "{at}: {last} {expected}"
         );
         assert!(least_energy(&run) > -1e-3);
+    }
+}
+
+/// The device is silent, or gone, while the hand pulls the block. Whatever is held then, the hand gains nothing, and lets go in the end.
+#[test]
+fn a_hold_survives_the_loss_of_its_device() {
+    let loaded = changed("take.toml", &[COARSE]);
+    let world = World::new(&loaded).unwrap();
+    for fault in [Fault::Silent, Fault::Gone] {
+        let mut prepared = Prepared::new(&world, &Options::new(3.1, 1)).unwrap();
+        let devices = prepared.tick.devices.into_iter();
+        let lost = |device| {
+            let faults = vec![(1_300_000_000..1_500_000_000, fault)];
+            Box::new(Faulty::new(device, faults)) as AnyDevice
+        };
+        prepared.tick.devices = devices.map(lost).collect();
+        let mut session = Session::of(prepared);
+        let run: Vec<Telemetry> = std::iter::from_fn(|| session.tick()).collect();
+        assert!(force(&run, 1290).z < -1.0, "{fault:?}");
+        // The force goes with the device, and comes back.
+        assert_eq!(force(&run, 1490).norm(), 0.0, "{fault:?}");
+        assert!(force(&run, 2600).norm() > 0.5, "{fault:?}");
+        assert!(
+            (0..3100).all(|at| force(&run, at).norm() < 8.1),
+            "{fault:?}"
+        );
+        assert!(least_energy(&run) > -1e-3, "{fault:?}");
+        let tool = run[3090].tools().next().unwrap();
+        assert!(
+            tool.wrench.force.z >= 0.0,
+            "{fault:?}: {}",
+            tool.wrench.force
+        );
     }
 }
 
