@@ -18,7 +18,8 @@ const ROUNDS: usize = 24;
 const SHORTER: f64 = 1e-12;
 /// A distance (m) below which a hull and a triangle meet: ten thousand times less than any device renders.
 const MEETS: f64 = 1e-10;
-/// The volume of a tetrahedron, as a fraction of that of its edges, below which it is flat.
+/// The volume of a tetrahedron as a fraction of that of its edges, and the square of that fraction of a triangle's area, below which they are
+/// flat.
 const FLAT: f64 = 1e-12;
 
 /// The convex hull of points, in axes of its own.
@@ -52,18 +53,36 @@ pub struct Near {
     pub are_apart: bool,
 }
 
-/// A corner of the hull and a corner of the triangle.
-#[derive(Clone, Copy, Debug)]
-struct Pair {
-    /// From the triangle to the hull (m).
-    apart: Vec3,
-    on_hull: Vec3,
-    /// The corner of the triangle, as weights.
-    weights: [f64; 3],
+/// A corner of the hull and a corner of the triangle, by their numbers.
+type Pair = [u8; 2];
+
+/// Where a search for nearest points begins: at the corners of the hull on which an earlier search ended. Where hull and other points have
+/// moved little, the search ends there again. Any seed leads to the same distance, up to rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seed {
+    /// The corner of the largest weight first.
+    corners: [u8; 3],
+    count: u8,
 }
 
-/// Up to four pairs, with weights that sum to one.
-type Simplex = heapless::Vec<(Pair, f64), 4>;
+impl Default for Seed {
+    fn default() -> Self {
+        Self {
+            corners: [0; 3],
+            count: 1,
+        }
+    }
+}
+
+/// Up to four pairs, and their weights at the point of their hull that is nearest to the origin. The weights sum to one.
+#[derive(Clone)]
+struct Simplex {
+    pairs: [Pair; 4],
+    /// From the triangle to the hull (m), by pair.
+    apart: [Vec3; 4],
+    weights: [f64; 4],
+    count: usize,
+}
 
 impl Hull {
     /// A point at the origin: the hull of a sphere.
@@ -122,50 +141,91 @@ impl Hull {
         lowest
     }
 
-    /// The nearest points of the hull and a triangle (m). Three equal corners are a point.
+    /// The nearest points of the hull and a triangle (m).
     pub fn nearest(&self, triangle: [&Vec3; 3]) -> Near {
-        let [first, ..] = &self.corners;
-        let near = weights(first, triangle);
-        let mut apart = first - at(triangle, &near);
-        let mut found = Near {
-            weights: near,
-            point: *first,
-            are_apart: apart.norm_squared() > MEETS * MEETS,
-        };
-        if self.count == 1 {
-            return found;
+        let mut simplex = self.begin(0, triangle);
+        self.approach(&mut simplex, f64::INFINITY, &triangle);
+        simplex.near(self)
+    }
+
+    /// The nearest point of the hull to a point (m). The weights are those of a triangle whose first corner is the point.
+    pub fn nearest_to(&self, point: &Vec3) -> Near {
+        self.nearest_to_from(point, &mut Seed::default())
+    }
+
+    /// The nearest points of the hull and a triangle (m), or `None` where they are further apart than `most` (m), which costs less. The search
+    /// begins at a seed, and leaves that of the next search.
+    ///
+    /// Parallel faces have many nearest points. The search begins at one corner of the hull, and ends at a corner then: if it began between
+    /// corners, a plate would lie on its middle.
+    pub fn nearest_within(&self, most: f64, triangle: [&Vec3; 3], seed: &mut Seed) -> Option<Near> {
+        let [corner, ..] = seed.corners;
+        let mut simplex = self.begin(corner, triangle);
+        let is_near = self.approach(&mut simplex, most, &triangle);
+        simplex.seed(seed);
+        is_near.then(|| simplex.near(self))
+    }
+
+    /// The nearest point of the hull to a point (m), from a seed on as [`Self::nearest_within`].
+    pub fn nearest_to_from(&self, point: &Vec3, seed: &mut Seed) -> Near {
+        let mut simplex = Simplex::EMPTY;
+        for corner in seed.corners.into_iter().take(usize::from(seed.count)) {
+            simplex.push([corner, 0], self.corner(corner) - point, 1.0);
         }
-        let mut simplex = Simplex::new();
-        let mut least = f64::INFINITY;
+        if seed.count > 1 {
+            simplex.reduce();
+        }
+        self.approach(&mut simplex, f64::INFINITY, &[point]);
+        simplex.seed(seed);
+        simplex.near(self)
+    }
+
+    /// The simplex of a corner of the hull and its nearest point on a triangle.
+    fn begin(&self, corner: u8, triangle: [&Vec3; 3]) -> Simplex {
+        let first = self.corner(corner);
+        let mut simplex = Simplex::EMPTY;
+        let near = weights(first, triangle);
+        for ((other, weight), place) in (0..).zip(near).zip(triangle) {
+            if weight > 0.0 {
+                simplex.push([corner, other], first - place, weight);
+            }
+        }
+        simplex
+    }
+
+    /// Leads a reduced simplex to the nearest points of the hull and of the hull of up to three points. Returns whether these are not known to
+    /// be further apart than `most` (m).
+    fn approach(&self, simplex: &mut Simplex, most: f64, others: &[&Vec3]) -> bool {
+        let mut apart = simplex.nearest();
+        let mut least = apart.norm_squared();
+        if self.count == 1 {
+            return least <= most * most;
+        }
         for _ in 0..ROUNDS {
-            let squared = apart.norm_squared();
-            let pair = self.furthest(&apart, triangle);
-            if !simplex.is_empty() && squared - apart.dot(&pair.apart) <= SHORTER * squared {
+            let (pair, way) = self.furthest(&apart, others);
+            let bound = apart.dot(&way);
+            if bound > 0.0 && bound * bound > most * most * least {
+                return false;
+            }
+            if !are_apart(least) || least - bound <= SHORTER * least {
                 break;
             }
             let mut next = simplex.clone();
-            // There is room: a simplex of four ends the search.
-            let _ = next.push((pair, 0.0));
-            let next = reduced(&next);
-            apart = sum(&next, |pair| pair.apart);
+            next.push(pair, way, 0.0);
+            next.reduce();
+            let nearer = next.nearest();
             // Rounding ends the search.
-            if apart.norm_squared() >= least {
+            if nearer.norm_squared() >= least {
                 break;
             }
-            (simplex, least) = (next, apart.norm_squared());
-            found.are_apart = least > MEETS * MEETS;
-            if !found.are_apart {
-                break;
-            }
+            (*simplex, apart, least) = (next, nearer, nearer.norm_squared());
         }
-        found.point = sum(&simplex, |pair| pair.on_hull);
-        let [a, b, c] = &mut found.weights;
-        (*a, *b, *c) = (0.0, 0.0, 0.0);
-        for (pair, weight) in &simplex {
-            let [x, y, z] = pair.weights;
-            (*a, *b, *c) = (*a + x * weight, *b + y * weight, *c + z * weight);
-        }
-        found
+        true
+    }
+
+    fn corner(&self, number: u8) -> &Vec3 {
+        let [first, ..] = &self.corners;
+        self.corners.get(usize::from(number)).unwrap_or(first)
     }
 
     /// The distance of a triangle from the hull (m).
@@ -174,29 +234,31 @@ impl Hull {
         (near.point - at(triangle, &near.weights)).norm()
     }
 
-    /// The nearest point of the hull to a point (m).
-    pub fn nearest_to(&self, point: &Vec3) -> Near {
-        self.nearest([point; 3])
-    }
-
-    /// The pair of corners that lies furthest against a direction.
-    fn furthest(&self, direction: &Vec3, triangle: [&Vec3; 3]) -> Pair {
-        let on_hull = self.lowest(direction);
-        let [a, b, c] = triangle.map(|corner| direction.dot(corner));
-        let [p, q, r] = triangle;
-        let (on_triangle, weights) = if a >= b && a >= c {
-            (p, [1.0, 0.0, 0.0])
-        } else if b >= c {
-            (q, [0.0, 1.0, 0.0])
-        } else {
-            (r, [0.0, 0.0, 1.0])
-        };
-        Pair {
-            apart: on_hull - on_triangle,
-            on_hull,
-            weights,
+    /// The pair of corners that lies furthest against a direction, and the way between them.
+    fn furthest(&self, direction: &Vec3, others: &[&Vec3]) -> (Pair, Vec3) {
+        let (mut pair, mut way) = ([0, 0], Vec3::zeros());
+        let [corner, other] = &mut pair;
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (place, number) in self.corners().iter().zip(0..) {
+            let height = direction.dot(place);
+            if height < lowest {
+                (*corner, lowest, way) = (number, height, *place);
+            }
         }
+        let mut from = Vec3::zeros();
+        for (place, number) in others.iter().zip(0..) {
+            let height = direction.dot(place);
+            if height > highest {
+                (*other, highest, from) = (number, height, **place);
+            }
+        }
+        (pair, way - from)
     }
+}
+
+/// Whether points at this squared distance are apart.
+fn are_apart(squared: f64) -> bool {
+    squared > MEETS * MEETS
 }
 
 /// The point of a triangle of these weights.
@@ -204,50 +266,144 @@ fn at([a, b, c]: [&Vec3; 3], [x, y, z]: &[f64; 3]) -> Vec3 {
     a * *x + b * *y + c * *z
 }
 
-fn sum(simplex: &Simplex, of: impl Fn(&Pair) -> Vec3) -> Vec3 {
-    let each = simplex.iter();
-    each.fold(Vec3::zeros(), |sum, (pair, weight)| {
-        sum + of(pair) * *weight
-    })
-}
+impl Simplex {
+    const EMPTY: Self = Self {
+        pairs: [[0; 2]; 4],
+        apart: [Vec3::new(0.0, 0.0, 0.0); 4],
+        weights: [0.0; 4],
+        count: 0,
+    };
 
-/// The pairs of the least simplex on which the point nearest to the origin lies, with the weights of that point.
-fn reduced(simplex: &Simplex) -> Simplex {
-    match simplex.as_slice() {
-        [(a, _), (b, _), (c, _), (d, _)] => {
-            let corners = [a, b, c, d];
-            if let Some(weights) = inside(corners.map(|pair| &pair.apart)) {
-                return corners.into_iter().copied().zip(weights).collect();
-            }
-            let mut nearest = on_face([a, b, c]);
-            let mut least = f64::INFINITY;
-            for face in [[a, b, c], [a, b, d], [b, c, d], [c, a, d]] {
-                let face = on_face(face);
-                let squared = sum(&face, |pair| pair.apart).norm_squared();
-                if squared < least {
-                    (nearest, least) = (face, squared);
-                }
-            }
-            nearest
+    /// Adds a pair. There is room: a simplex of four ends the search.
+    fn push(&mut self, pair: Pair, apart: Vec3, weight: f64) {
+        let place = self
+            .pairs
+            .get_mut(self.count)
+            .zip(self.apart.get_mut(self.count));
+        if let Some((place, way)) = place
+            && let Some(its) = self.weights.get_mut(self.count)
+        {
+            (*place, *way, *its) = (pair, apart, weight);
+            self.count = self.count.saturating_add(1);
         }
-        [(a, _), (b, _), (c, _)] => on_face([a, b, c]),
-        [(a, _), (b, _)] => on_face([a, b, b]),
-        [(a, _)] => on_face([a, a, a]),
-        _ => Simplex::new(),
+    }
+
+    /// Leaves the least simplex on which the nearest point lies. Of four pairs, the last one is new: the point lies on one of its faces,
+    /// because without it the point was found before.
+    fn reduce(&mut self) {
+        let corners = self.apart.each_ref();
+        let [a, b, c, _] = corners;
+        let weights = match self.count {
+            1 => [1.0, 0.0, 0.0, 0.0],
+            2 => {
+                let [x, y] = on_segment(a, b);
+                [x, y, 0.0, 0.0]
+            }
+            3 => {
+                let [x, y, z] = on_triangle([a, b, c]);
+                [x, y, z, 0.0]
+            }
+            _ => in_tetrahedron(corners),
+        };
+        self.count = 0;
+        let (pairs, places) = (self.pairs, self.apart);
+        for ((pair, apart), weight) in pairs.into_iter().zip(places).zip(weights) {
+            if weight > 0.0 {
+                self.push(pair, apart, weight);
+            }
+        }
+    }
+
+    /// The nearest point to the origin (m).
+    fn nearest(&self) -> Vec3 {
+        let each = self.apart.iter().zip(&self.weights).take(self.count);
+        each.fold(Vec3::zeros(), |sum, (apart, weight)| sum + apart * *weight)
+    }
+
+    /// The nearest points of the hull and the triangle.
+    fn near(&self, hull: &Hull) -> Near {
+        let mut near = Near {
+            weights: [0.0; 3],
+            point: Vec3::zeros(),
+            are_apart: are_apart(self.nearest().norm_squared()),
+        };
+        for ([corner, other], weight) in self.pairs.iter().zip(&self.weights).take(self.count) {
+            near.point += hull.corner(*corner) * *weight;
+            if let Some(sum) = near.weights.get_mut(usize::from(*other)) {
+                *sum += weight;
+            }
+        }
+        near
+    }
+
+    /// The corners of the hull, as a seed.
+    fn seed(&self, seed: &mut Seed) {
+        let each = self.pairs.iter().zip(&self.weights).take(self.count);
+        let heaviest = each.clone().max_by(|(_, a), (_, b)| a.total_cmp(b));
+        let first = heaviest.map_or(0, |([corner, _], _)| *corner);
+        let others = each.map(|([corner, _], _)| *corner);
+        let corners = core::iter::once(first).chain(others.filter(|corner| *corner != first));
+        seed.count = 0;
+        for (place, corner) in seed.corners.iter_mut().zip(corners) {
+            *place = corner;
+            seed.count = seed.count.saturating_add(1);
+        }
     }
 }
 
-/// The corners of a triangle of pairs on which the point nearest to the origin lies.
-fn on_face(pairs: [&Pair; 3]) -> Simplex {
-    let near = weights(&Vec3::zeros(), pairs.map(|pair| &pair.apart));
-    let mut simplex = Simplex::new();
-    for (pair, weight) in pairs.into_iter().zip(near) {
-        if weight > 0.0 {
-            // There is room for three.
-            let _ = simplex.push((*pair, weight));
+/// The weights of the ends of a segment at the point that is nearest to the origin.
+fn on_segment(a: &Vec3, b: &Vec3) -> [f64; 2] {
+    let way = b - a;
+    let (along, whole) = (-way.dot(a), way.norm_squared());
+    if along <= 0.0 {
+        [1.0, 0.0]
+    } else if along >= whole {
+        [0.0, 1.0]
+    } else {
+        let along = along / whole;
+        [1.0 - along, along]
+    }
+}
+
+/// The weights of the corners of a triangle at the point that is nearest to the origin. The nearest point of a triangle whose corners lie on
+/// a line is on an edge: its regions cannot be told apart.
+fn on_triangle([a, b, c]: [&Vec3; 3]) -> [f64; 3] {
+    let (ab, ac) = (b - a, c - a);
+    let size = ab.norm_squared() * ac.norm_squared();
+    if ab.cross(&ac).norm_squared() > FLAT * size {
+        return weights(&Vec3::zeros(), [a, b, c]);
+    }
+    let ([p, q], [r, s], [t, u]) = (on_segment(a, b), on_segment(b, c), on_segment(c, a));
+    let squared = |near: &[f64; 3]| at([a, b, c], near).norm_squared();
+    let mut nearest = [p, q, 0.0];
+    for other in [[0.0, r, s], [u, 0.0, t]] {
+        if squared(&other) < squared(&nearest) {
+            nearest = other;
         }
     }
-    simplex
+    nearest
+}
+
+/// The weights of the corners of a tetrahedron at the point that is nearest to the origin, inside or on a face of the last corner.
+fn in_tetrahedron([a, b, c, d]: [&Vec3; 4]) -> [f64; 4] {
+    if let Some(weights) = inside([a, b, c, d]) {
+        return weights;
+    }
+    let squared = |corners, near: &[f64; 3]| at(corners, near).norm_squared();
+    let near = on_triangle([a, b, d]);
+    let (mut least, [x, y, z]) = (squared([a, b, d], &near), near);
+    let mut found = [x, y, 0.0, z];
+    let near = on_triangle([b, c, d]);
+    if squared([b, c, d], &near) < least {
+        let [x, y, z] = near;
+        (least, found) = (squared([b, c, d], &near), [0.0, x, y, z]);
+    }
+    let near = on_triangle([c, a, d]);
+    if squared([c, a, d], &near) < least {
+        let [x, y, z] = near;
+        found = [y, 0.0, x, z];
+    }
+    found
 }
 
 /// The weights of the corners of a tetrahedron at the origin; `None` if the origin lies outside, or if the tetrahedron is flat.
@@ -296,14 +452,22 @@ mod tests {
             hull in points(1..MAX_CORNERS + 1),
             triangle in points(3..4),
             moved in proptest::array::uniform3(-3.0..3.0_f64),
+            seed in 0..MAX_CORNERS as u8,
         ) {
             let corners: Vec<Vec3> = hull.iter().map(|p| p + Vec3::from(moved)).collect();
             let hull = Hull::new(&corners).expect("few corners");
             let [a, b, c] = [0, 1, 2].map(|k| &triangle[k]);
-            let near = hull.nearest([a, b, c]);
+            let mut seed = Seed {
+                corners: [seed % corners.len() as u8; 3],
+                count: 1,
+            };
+            let near = hull.nearest_within(f64::INFINITY, [a, b, c], &mut seed).unwrap();
             let foot = at([a, b, c], &near.weights);
             let apart = near.point - foot;
             if near.are_apart {
+                // A search that begins where the last one ended changes nothing.
+                let again = hull.nearest_within(f64::INFINITY, [a, b, c], &mut seed).unwrap();
+                prop_assert!((again.point - near.point).norm() < 1e-9);
                 prop_assert!((near.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
                 prop_assert!(near.weights.iter().all(|weight| *weight >= 0.0));
                 let lowest = apart.dot(&(hull.lowest(&apart) - foot));
@@ -327,9 +491,14 @@ mod tests {
         fn the_nearest_point_of_a_box_is_that_of_geometry(
             point in proptest::array::uniform3(-2.0..2.0_f64),
             half in proptest::array::uniform3(0.1..1.0_f64),
+            corners in proptest::array::uniform3(0..8_u8),
+            count in 1..4_u8,
         ) {
             let (point, half) = (Vec3::from(point), Vec3::from(half));
-            let near = cuboid(half).nearest_to(&point);
+            let mut seed = Seed { corners, count };
+            let near = cuboid(half).nearest_to_from(&point, &mut seed);
+            let again = cuboid(half).nearest_to_from(&point, &mut seed);
+            prop_assert!((again.point - near.point).norm() < 1e-9);
             let nearest = point.zip_map(&half, |p, half| p.max(-half).min(half));
             if near.are_apart {
                 prop_assert!((near.point - nearest).norm() < 1e-9);

@@ -9,9 +9,9 @@
 
 use super::friction::{SLIDES, most_friction};
 use super::patch::{Compliance, Triangle};
-use super::{MAX_CONTACTS, MAX_SITES};
+use super::{MAX_CONTACTS, MAX_SITES, MAX_TRIANGLES};
 use crate::geometry::{Mat3, Vec3};
-use crate::hull::Hull;
+use crate::hull::{Hull, Near, Seed};
 use crate::nearest::weights;
 
 /// Feet that are nearer to each other than this fraction of the radius are one contact: their distances differ by less than
@@ -67,6 +67,8 @@ pub struct Contact {
     distance: f64,
     /// Whether the hull has passed the triangle at the foot.
     has_passed: bool,
+    /// Where the search for the point of the hull that is nearest to the foot ended last.
+    seed: Seed,
 }
 
 impl Contact {
@@ -134,12 +136,18 @@ impl Contact {
     /// triangle. A contact at an edge goes on while the hull stays on the side of the last direction, which may lie in the plane of
     /// the triangle.
     fn look(&mut self, now: &Places<'_>) -> bool {
+        let foot = self.at(now.sites) - now.centre;
+        let near = now.hull.nearest_to_from(&foot, &mut self.seed);
+        self.see(now, &near)
+    }
+
+    /// The same, if the point of the hull that is nearest to the foot is known.
+    fn see(&mut self, now: &Places<'_>, near: &Near) -> bool {
         let Some([a, b, c]) = place(self.corners, now.sites) else {
             return false;
         };
         let outward = (b - a).cross(&(c - a));
         self.foot = self.at(now.sites);
-        let near = now.hull.nearest_to(&(self.foot - now.centre));
         let apart = now.centre + near.point - self.foot;
         let goes_on = !self.has_passed && apart.dot(&self.normal) > 0.0;
         let is_above = goes_on || apart.dot(&outward) > 0.0;
@@ -159,7 +167,8 @@ impl Contact {
         let Some(corners) = place(self.corners, now.sites) else {
             return;
         };
-        let near = now.hull.nearest_to(&(self.at(now.sites) - now.centre));
+        let foot = self.at(now.sites) - now.centre;
+        let near = now.hull.nearest_to_from(&foot, &mut self.seed);
         if near.are_apart && !self.has_passed {
             self.weights = weights(&(now.centre + near.point), corners.each_ref());
         }
@@ -169,7 +178,7 @@ impl Contact {
     /// triangle parts along the normal, so its distance is along it.
     fn distance_at(&self, places: &Places<'_>) -> f64 {
         let foot = self.at(places.sites) - places.centre;
-        let near = places.hull.nearest_to(&foot);
+        let near = places.hull.nearest_to_from(&foot, &mut self.seed.clone());
         if self.has_passed || !near.are_apart {
             return self.normal.dot(&(places.hull.lowest(&self.normal) - foot));
         }
@@ -228,20 +237,20 @@ pub(super) struct Lengths {
     pub radius: f64,
     /// The distance beyond the radius within which contacts are found.
     pub reach: f64,
-    /// The largest distance of a corner of the hull from the centre.
-    pub extent: f64,
     /// The way by which an overlap parts in a tick.
     pub parting: f64,
 }
 
-/// Finds the contacts of a tool with the triangles at the places `now`, in a tick that began at the places `before`: the points
-/// of `kept` that press, and the nearest points of triangles.
+/// Finds the contacts of a tool with the triangles at the places `now`, in a tick that began at the places `before`, or at `now` for
+/// `None`: the points of `kept` that press, and the nearest points of triangles, whose searches begin at their seeds.
 pub(super) fn find<'a>(
     triangles: impl Iterator<Item = &'a Triangle>,
-    [before, now]: [Places<'_>; 2],
+    before: Option<Places<'_>>,
+    now: Places<'_>,
     lengths: &Lengths,
     softness: Softness,
     kept: &[Contact],
+    seeds: &mut [Seed; MAX_TRIANGLES],
 ) -> Contacts {
     let mut found = Contacts::new();
     let held = kept.iter().filter(|contact| contact.is_held);
@@ -261,17 +270,19 @@ pub(super) fn find<'a>(
         }
     }
     hand_on(&mut found, kept);
-    for triangle in triangles {
-        if let Some(contact) = touch(triangle, &now, lengths)
+    for (triangle, seed) in triangles.zip(seeds) {
+        if let Some(contact) = touch(triangle, &now, lengths, seed)
             && contact.distance.abs() <= lengths.radius + lengths.reach
         {
             insert(&mut found, contact, softness, lengths.radius);
         }
     }
     for contact in &mut found {
-        contact.before = before.centre - contact.at(before.sites);
+        let was = before.as_ref().unwrap_or(&now);
+        contact.before = was.centre - contact.at(was.sites);
         contact.arm = contact.tip - contact.normal * lengths.radius;
-        let overlap = lengths.radius - contact.distance_at(&before);
+        let distance = (before.as_ref()).map_or(contact.distance, |was| contact.distance_at(was));
+        let overlap = lengths.radius - distance;
         if contact.is_held {
             if core::mem::take(&mut contact.begins) {
                 let [along, _] = contact.softness;
@@ -378,19 +389,17 @@ pub(super) fn carry<'a>(
 
 /// The contact at the nearest point of a triangle; `None` where the triangle is out of reach, or where another one at the same edge
 /// is nearer.
-fn touch(triangle: &Triangle, now: &Places<'_>, lengths: &Lengths) -> Option<Contact> {
+fn touch(
+    triangle: &Triangle,
+    now: &Places<'_>,
+    lengths: &Lengths,
+    seed: &mut Seed,
+) -> Option<Contact> {
     let corners = place(triangle.corners, now.sites)?;
     let [a, b, c] = corners.map(|corner| corner - now.centre);
     let corners = [&a, &b, &c];
-    let centre = Hull::POINT.nearest(corners);
-    let mut near = centre;
-    if lengths.extent > 0.0 {
-        let most = lengths.radius + lengths.reach + lengths.extent;
-        if combined([a, b, c], &centre.weights).norm() > most {
-            return None;
-        }
-        near = now.hull.nearest(corners);
-    }
+    let most = lengths.radius + lengths.reach;
+    let near = now.hull.nearest_within(most, corners, seed)?;
     let apart = near.point - combined([a, b, c], &near.weights);
     let outward = (b - a).cross(&(c - a));
     let beside = apart.cross(&outward).norm();
@@ -413,8 +422,9 @@ fn touch(triangle: &Triangle, now: &Places<'_>, lengths: &Lengths) -> Option<Con
         arm: Vec3::zeros(),
         distance: 0.0,
         has_passed: false,
+        seed: *seed,
     };
-    let is_found = contact.look(now);
+    let is_found = contact.see(now, &near);
     (is_found && (is_over || contact.distance > 0.0)).then_some(contact)
 }
 

@@ -46,12 +46,20 @@ pub(super) struct Yielding<'a> {
 }
 
 impl Yielding<'_> {
-    /// `G` between two contacts: the relative displacement of the first one by a force at the second one (m/N).
-    pub(super) fn between(&self, one: &Contact, other: &Contact) -> Mat3 {
+    /// The relative displacement of a contact by a moment about the centre of the tool (1/N).
+    fn turned(&self, contact: &Contact) -> Mat3 {
+        let turning = self.turning.as_ref();
+        turning.map_or(Mat3::zeros(), |turning| {
+            contact.arm.cross_matrix() * turning.floor
+        })
+    }
+
+    /// `G` between two contacts: the relative displacement of the first one by a force at the second one (m/N). `turned` is that of the first
+    /// one by a moment.
+    fn between(&self, one: &Contact, turned: &Mat3, other: &Contact) -> Mat3 {
         let mut sum = *self.floor;
-        if let Some(turning) = &self.turning {
-            let [to, from] = [one, other].map(|contact| contact.arm.cross_matrix());
-            sum -= to * turning.floor * from;
+        if self.turning.is_some() {
+            sum -= turned * other.arm.cross_matrix();
         }
         if self.is_rigid {
             return sum;
@@ -95,11 +103,37 @@ impl Yielding<'_> {
     }
 }
 
-/// For each contact, its displacement (m) by a normal force of 1 N at each other one: `G n`.
+/// `G` between all pairs of contacts (m/N): row by row, up to the diagonal.
+pub(super) struct Blocks(heapless::Vec<Mat3, { MAX_CONTACTS * (MAX_CONTACTS + 1) / 2 }>);
+
+impl Blocks {
+    const fn new() -> Self {
+        Self(heapless::Vec::new())
+    }
+
+    fn fill(&mut self, contacts: &[Contact], yielding: &Yielding<'_>) {
+        for (one, at) in contacts.iter().zip(0..MAX_CONTACTS) {
+            let turned = yielding.turned(one);
+            for (other, _) in contacts.iter().zip(0..=at) {
+                // There is room for all pairs.
+                let _ = self.0.push(yielding.between(one, &turned, other));
+            }
+        }
+    }
+
+    /// The relative displacement of the first contact by a force at the second one (m/N), which does not come after it.
+    pub(super) fn get(&self, one: usize, other: usize) -> Mat3 {
+        let before = one.saturating_mul(one.saturating_add(1)) / 2;
+        let block = self.0.get(before.saturating_add(other));
+        block.copied().unwrap_or_default()
+    }
+}
+
+/// For each contact, its displacement (m) by a normal force of 1 N at each other one: `G n`. As `G` is symmetric, a row also tells the
+/// displacement along a normal by a force: `n . G f = f . G n`.
 pub(super) type Columns = [[Vec3; MAX_CONTACTS]; MAX_CONTACTS];
 
-/// `G n`. As `G` is symmetric, a row also tells the displacement along a normal by a force: `n . G f = f . G n`.
-fn columns(contacts: &Contacts, yielding: &Yielding<'_>) -> Columns {
+fn columns(contacts: &[Contact], blocks: &Blocks) -> Columns {
     let mut columns = [[Vec3::zeros(); MAX_CONTACTS]; MAX_CONTACTS];
     for (one, at) in contacts.iter().zip(0..MAX_CONTACTS) {
         let Some((above, from)) = columns.split_at_mut_checked(at) else {
@@ -108,15 +142,16 @@ fn columns(contacts: &Contacts, yielding: &Yielding<'_>) -> Columns {
         let Some(own) = from.first_mut() else {
             continue;
         };
-        for ((row, entry), other) in above.iter_mut().zip(own.iter_mut()).zip(contacts.iter()) {
-            let block = yielding.between(one, other);
+        let others = contacts.iter().zip(0..MAX_CONTACTS);
+        for ((row, entry), (other, from)) in above.iter_mut().zip(own.iter_mut()).zip(others) {
+            let block = blocks.get(at, from);
             *entry = block * other.normal;
             if let Some(entry) = row.get_mut(at) {
-                *entry = block.transpose() * one.normal;
+                *entry = block.tr_mul(&one.normal);
             }
         }
         if let Some(entry) = own.get_mut(at) {
-            *entry = yielding.between(one, one) * one.normal;
+            *entry = blocks.get(at, at) * one.normal;
         }
     }
     columns
@@ -133,8 +168,8 @@ struct Pressing {
 }
 
 impl Pressing {
-    fn new(contacts: &Contacts, yielding: &Yielding<'_>, radius: f64) -> Self {
-        let columns = columns(contacts, yielding);
+    fn new(contacts: &Contacts, blocks: &Blocks, yielding: &Yielding<'_>, radius: f64) -> Self {
+        let columns = columns(contacts, blocks);
         let mut along = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
         let mut gaps = [0.0; MAX_CONTACTS];
         let mut pressed = [false; MAX_CONTACTS];
@@ -187,14 +222,16 @@ impl Pressing {
 
 /// Finds the forces of the contacts with a tool of a radius (m). Returns whether there is room for the tool.
 pub(super) fn solve(contacts: &mut Contacts, yielding: &Yielding<'_>, radius: f64) -> bool {
-    let mut pressing = Pressing::new(contacts, yielding, radius);
+    let mut blocks = Blocks::new();
+    blocks.fill(contacts, yielding);
+    let mut pressing = Pressing::new(contacts, &blocks, yielding, radius);
     pressing.press(contacts);
     let mut each = contacts.iter();
     if each.any(|contact| contact.is_held || contact.coefficient > 0.0) {
         let (mut rubbing, turns) = (Rubbing::new(), yielding.turning.is_some());
         for _ in 0..ROUNDS {
             let_go(contacts, turns);
-            rubbing.rub(contacts, &pressing.columns, yielding);
+            rubbing.rub(contacts, &blocks, &pressing.columns, yielding);
             if !pressing.press(contacts) {
                 break;
             }

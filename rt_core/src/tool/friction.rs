@@ -9,7 +9,7 @@
 
 use super::MAX_CONTACTS;
 use super::contacts::{Contact, Contacts};
-use super::forces::{Columns, Yielding};
+use super::forces::{Blocks, Columns, Yielding};
 use crate::geometry::Vec3;
 
 /// Largest number of sweeps of friction in a round, the fraction of the largest friction below which a change ends them, and their
@@ -18,7 +18,7 @@ const SWEEPS: usize = 8;
 const SETTLED: f64 = 1e-3;
 const BEYOND: f64 = 1.3;
 /// Of a tool that turns: the rounds in which contacts beyond their cones begin to slide, the rounds of conjugate gradients in each, and
-/// the fraction of their ways that these leave.
+/// the fraction that these leave of the ways without friction.
 const STUCK: usize = 4;
 const CONJUGATE: usize = 16;
 const HELD: f64 = 1e-6;
@@ -72,7 +72,7 @@ impl Rubbing {
     }
 
     /// Adds a contact.
-    fn add(&mut self, at: usize, contacts: &[Contact], yielding: &Yielding<'_>) {
+    fn add(&mut self, at: usize, contacts: &[Contact], blocks: &Blocks, yielding: &Yielding<'_>) {
         let Some(contact) = contacts.get(at) else {
             return;
         };
@@ -92,10 +92,12 @@ impl Rubbing {
         // There is room for all contacts.
         let _ = self.slides.push(new);
         for (other, to) in self.slides.iter_mut().zip(0..MAX_CONTACTS) {
-            let Some(its) = contacts.get(other.at) else {
-                continue;
+            // Contacts may join in any order.
+            let block = if other.at >= at {
+                blocks.get(other.at, at)
+            } else {
+                blocks.get(at, other.at).transpose()
             };
-            let block = yielding.between(its, contact);
             let by_axis = axes.map(|axis| {
                 let moved = block * axis;
                 other.axes.map(|axis| axis.dot(&moved))
@@ -130,13 +132,14 @@ impl Rubbing {
     pub(super) fn rub(
         &mut self,
         contacts: &mut Contacts,
+        blocks: &Blocks,
         columns: &Columns,
         yielding: &Yielding<'_>,
     ) {
         let most = most_friction(contacts, yielding.turning.is_some());
         for (at, most) in (0..contacts.len()).zip(most) {
             if most > 0.0 && !self.slides.iter().any(|slide| slide.at == at) {
-                self.add(at, contacts, yielding);
+                self.add(at, contacts, blocks, yielding);
             }
         }
         for slide in &mut self.slides {
@@ -156,9 +159,6 @@ impl Rubbing {
         }
         let is_exact =
             yielding.turning.is_some() || self.slides.iter().any(|slide| slide.most == UNBOUNDED);
-        if is_exact {
-            self.stick();
-        }
         self.sweep();
         if is_exact {
             self.stick();
@@ -217,7 +217,8 @@ impl Rubbing {
             }
         }
         let (mut direction, mut size) = (left, dot(&left, &left));
-        let least = size * (HELD * HELD);
+        let free = self.slides.iter().flat_map(|slide| slide.free);
+        let least = free.fold(0.0, |sum, way| sum + way * way) * (HELD * HELD);
         for _ in 0..CONJUGATE {
             let moved = self.moved(&direction);
             let yields = dot(&direction, &moved);
@@ -249,7 +250,8 @@ impl Rubbing {
     fn moved(&self, forces: &[[f64; 2]; MAX_CONTACTS]) -> [[f64; 2]; MAX_CONTACTS] {
         let mut moved = [[0.0; 2]; MAX_CONTACTS];
         for ((from, [x, y]), _) in self.blocks.iter().zip(forces).zip(&self.slides) {
-            for ([along, across], [[a, b], [c, d]]) in moved.iter_mut().zip(from) {
+            let each = moved.iter_mut().zip(from).zip(&self.slides);
+            for (([along, across], [[a, b], [c, d]]), _) in each {
                 *along += a * x + c * y;
                 *across += b * x + d * y;
             }

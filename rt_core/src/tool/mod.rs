@@ -35,7 +35,7 @@ mod tests;
 
 use crate::count_one;
 use crate::geometry::{Mat3, Pose, Vec3, Wrench, small_turn};
-use crate::hull::Hull;
+use crate::hull::{Hull, Seed};
 use crate::publication::Publication;
 use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, hold, let_go, loads, settle};
 use forces::{Turning, Yielding, solve};
@@ -224,9 +224,12 @@ pub struct Tool {
     /// Whether no site of the patch yields.
     is_rigid: bool,
     sites: [SiteState; MAX_SITES],
-    /// The sites as rendered last (m).
+    /// The sites as rendered last (m), and where they would have been without contact forces.
     places: [Vec3; MAX_SITES],
+    unloaded: [Vec3; MAX_SITES],
     contacts: Contacts,
+    /// Of the searches for the nearest points of the hull and each triangle.
+    seeds: [Seed; MAX_TRIANGLES],
     proxy: Option<Pose>,
     /// The offset of the proxy when the message came, which fades.
     offset: Offset,
@@ -268,7 +271,9 @@ impl Tool {
             is_rigid: true,
             sites: [SiteState::ZERO; MAX_SITES],
             places: [Vec3::zeros(); MAX_SITES],
+            unloaded: [Vec3::zeros(); MAX_SITES],
             contacts: Contacts::new(),
+            seeds: [Seed::default(); MAX_TRIANGLES],
             proxy: None,
             offset: Offset::ZERO,
             carried: Wrench::zero(),
@@ -398,8 +403,7 @@ impl Tool {
         let way = (held.position - before.position).norm() + self.extent * angle(&held, &before);
         let lengths = Lengths {
             radius: self.config.radius,
-            reach: REACH * (way + self.most_motion(&free)),
-            extent: self.extent,
+            reach: REACH * (way + self.most_way(&free)),
             parting: self.config.parting * self.config.period,
         };
         let hull_before = self.hull_at(&before);
@@ -417,7 +421,9 @@ impl Tool {
                 sites: &places,
             };
             let triangles = self.patch.head.triangles();
-            let found = find(triangles, [was, now], &lengths, softness, &self.contacts);
+            let was = (pass > 0).then_some(was);
+            let (kept, seeds) = (&self.contacts, &mut self.seeds);
+            let found = find(triangles, was, now, &lengths, softness, kept, seeds);
             if pass > 0 && are_clear(&found, self.config.radius) {
                 break;
             }
@@ -454,7 +460,7 @@ impl Tool {
         };
         settle(&mut self.contacts, &now, turned);
         self.relax(&places);
-        (self.proxy, self.places) = (Some(proxy), places);
+        (self.proxy, self.places, self.unloaded) = (Some(proxy), places, free);
         let wrench = self.wrench();
         let start = proxy.position + wrench.force + wrench.moment + proxy.rotation.imag();
         let sum = places.iter().fold(start, |sum, place| sum + place);
@@ -621,6 +627,7 @@ impl Tool {
         if self.is_away {
             self.is_away = false;
             self.places = self.free();
+            self.unloaded = self.places;
         }
     }
 
@@ -676,6 +683,8 @@ impl Tool {
         self.relaxation = self.relaxation();
         self.is_rigid = self.patch.is_rigid();
         self.begin_sites(&kept, count);
+        let fraction = -1.0 / (1.0 + self.relaxation.gain);
+        self.unloaded = self.loaded(&self.places, &loads(&self.contacts), fraction);
         let each = self.sites.iter().zip(&self.patch.sites).take(count);
         (self.bounds, self.most_offset) = (Bounds::NONE, 0.0);
         for (state, site) in each {
@@ -812,12 +821,10 @@ impl Tool {
         places
     }
 
-    /// The largest displacement of a site if the forces of the last tick stayed (m).
-    fn most_motion(&self, free: &[Vec3; MAX_SITES]) -> f64 {
-        let fraction = 1.0 / (1.0 + self.relaxation.gain);
-        let held = self.loaded(free, &loads(&self.contacts), fraction);
+    /// The largest way of a site since the last tick if the contact forces stay, with the sites without contact forces (m).
+    fn most_way(&self, free: &[Vec3; MAX_SITES]) -> f64 {
         let count = usize::from(self.patch.head.site_count);
-        let each = held.iter().zip(&self.places).take(count);
+        let each = free.iter().zip(&self.unloaded).take(count);
         each.map(|(place, before)| (place - before).norm())
             .fold(0.0, f64::max)
     }
