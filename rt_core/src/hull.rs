@@ -16,6 +16,8 @@ pub const MAX_CORNERS: usize = 32;
 const ROUNDS: usize = 24;
 /// The fraction of the squared distance by which a round must be able to shorten it.
 const SHORTER: f64 = 1e-12;
+/// The fraction of the squared distance by which a corner may be further away and still counts as a nearest point.
+const AS_NEAR: f64 = 4e-9;
 /// A distance (m) below which a hull and a triangle meet: ten thousand times less than any device renders.
 const MEETS: f64 = 1e-10;
 /// The volume of a tetrahedron as a fraction of that of its edges, and the square of that fraction of a triangle's area, below which they are
@@ -156,14 +158,39 @@ impl Hull {
     /// The nearest points of the hull and a triangle (m), or `None` where they are further apart than `most` (m), which costs less. The search
     /// begins at a seed, and leaves that of the next search.
     ///
-    /// Parallel faces have many nearest points. The search begins at one corner of the hull, and ends at a corner then: if it began between
-    /// corners, a plate would lie on its middle.
+    /// Parallel faces have many nearest points. A corner of the hull is preferred: a plate would otherwise lie on its middle.
     pub fn nearest_within(&self, most: f64, triangle: [&Vec3; 3], seed: &mut Seed) -> Option<Near> {
         let [corner, ..] = seed.corners;
         let mut simplex = self.begin(corner, triangle);
         let is_near = self.approach(&mut simplex, most, &triangle);
+        if is_near {
+            self.prefer_corner(&mut simplex, triangle);
+        }
         simplex.seed(seed);
         is_near.then(|| simplex.near(self))
+    }
+
+    /// Replaces a simplex of nearest points by that of a corner of the hull that is as near.
+    fn prefer_corner(&self, simplex: &mut Simplex, triangle: [&Vec3; 3]) {
+        let apart = simplex.nearest();
+        let (least, as_near) = (apart.norm_squared(), 1.0 + AS_NEAR);
+        let mut pairs = simplex.pairs.iter().take(simplex.count);
+        let is_at_corner = pairs
+            .next()
+            .is_some_and(|[first, _]| pairs.all(|[corner, _]| corner == first));
+        if is_at_corner || !are_apart(least) {
+            return;
+        }
+        let level = apart.dot(&simplex.near(self).point) + least * AS_NEAR;
+        for (corner, number) in self.corners().iter().zip(0..) {
+            if apart.dot(corner) <= level {
+                let there = self.begin(number, triangle);
+                if there.nearest().norm_squared() <= least * as_near {
+                    *simplex = there;
+                    return;
+                }
+            }
+        }
     }
 
     /// The nearest point of the hull to a point (m), from a seed on as [`Self::nearest_within`].

@@ -83,7 +83,8 @@ fn a_plate_on_a_table_stays_flat_and_pushes_the_wrist_back() {
 /// Friction holds a plate that is turned about the vertical axis, up to the moment of the cone.
 #[test]
 fn friction_resists_a_plate_that_spins() {
-    for (angle, holds) in [(0.01, true), (0.8, false)] {
+    // The hand turns the device by two counts, and by 0.1 rad.
+    for (angle, holds) in [(0.05, true), (0.8, false)] {
         let run = ticks(&on_a_table(PLATE, [0.0, 0.0, angle]), 1.6);
         // Amid the turn.
         let tool = run[760].tools().next().unwrap();
@@ -92,11 +93,11 @@ fn friction_resists_a_plate_that_spins() {
         let most = 0.5 * tool.wrench.force.z * 0.027_f64.hypot(0.017);
         let moment = -tool.wrench.moment.z;
         assert!(
-            moment > 0.0 && moment < 1.01 * most,
+            moment > 0.2 * most && moment < 1.01 * most,
             "{angle}: {moment} {most}"
         );
         if holds {
-            assert!(spun.abs() < 1e-3, "{spun}");
+            assert!(spun.abs() < 1e-6, "{spun}");
         } else {
             assert!(spun > 0.1 && moment > 0.5 * most, "{spun} {moment} {most}");
         }

@@ -124,6 +124,44 @@ fn rocked(tick: u32, height: f64) -> Pose {
     hand(place, tilt)
 }
 
+/// A flat plate is turned about the normal of a floor until it slides. Its corners bear it, so the moment of friction is nearly that of all
+/// friction at the corners.
+#[test]
+fn friction_at_its_corners_turns_a_flat_plate() {
+    for [half, other] in [[0.027, 0.017], [0.02, 0.02]] {
+        let (radius, depth, friction) = (3e-3, 2e-3, 0.5);
+        let mut tool = turning(&plate(half, other), radius);
+        tool.accept(&rigid(&shapes::floor(), friction)).unwrap();
+        let pose = |above: f64, turn: f64| hand(Vec3::z() * (radius + above), Vec3::z() * turn);
+        lead(
+            &mut tool,
+            [
+                (Vec3::z() * 2.0 * radius, Vec3::zeros()),
+                (Vec3::z() * (radius - depth), Vec3::zeros()),
+            ],
+        );
+        let most = friction * STIFFEST * depth * half.hypot(other);
+        let slides_at = most / TURNING;
+        for tick in 0..100 {
+            let turn = 2.0 * slides_at * f64::from(tick) * 0.01;
+            let moment = -tool.tick(&pose(-depth, turn)).moment.z;
+            let stuck = TURNING * turn;
+            if stuck < 0.8 * most {
+                // The compliance of the contacts gives way a little.
+                assert!(
+                    (moment - stuck).abs() < 0.01 * most,
+                    "{turn}: {moment} {stuck}"
+                );
+            } else if stuck > 1.1 * most {
+                assert!(
+                    moment > 0.85 * most && moment < 1.001 * most,
+                    "{turn}: {moment} {most}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn messages_that_tell_nothing_new_change_no_moment() {
     for friction in [0.0, 0.4] {
