@@ -1,31 +1,35 @@
 //! The cost of one tick of the control law, in instructions and in time, at best and at worst:
 //!
 //! ```sh
-//! cargo run --release -p palpate-tests --example instructions              # compare twelve counts
+//! cargo run --release -p palpate-tests --example instructions              # compare the counts of the table
 //! cargo run --release -p palpate-tests --example instructions -- --all     # count every case
 //! cargo run --release -p palpate-tests --example instructions -- --refresh # write the table anew
 //! ```
 //!
 //! Valgrind's callgrind counts the optimized code that users run. The program fails if a count is more than 5 % above
 //! `tests/instructions/expected.toml`, or if the most expensive tick of a scheme takes more than [`MOST_RATIO`] times the
-//! instructions of the cheapest. The table has twelve counts, one for each mechanism ([`cases::GATE`], [`rings::GATE`]):
+//! instructions of the cheapest. The table has one count for each mechanism ([`cases::GATE`], [`rings::GATE`], [`touches::GATE`]):
 //! the other cases run the same loops over other numbers of handles. Times are printed beside the counts, without a
 //! limit.
 //!
 //! With the argument `count` or `count-all`, the program runs these ticks once for valgrind; with `count-rings` or
-//! `count-all-rings`, these passages of a model through the rings ([`rings`]).
+//! `count-all-rings`, these passages of a model through the rings ([`rings`]); with `count-touches`, these ticks of a tool
+//! ([`touches`]).
 
 mod callgrind;
 mod cases;
 mod expected;
 mod rings;
+mod touches;
 
 use callgrind::Count;
 use cases::{Case, Situation};
 use expected::Table;
 use rings::Passage;
+use std::fmt::Write;
 use std::process::ExitCode;
 use std::time::Instant;
+use touches::Touch;
 
 /// Largest ratio of the most expensive tick to the cheapest. Every loop of the law runs over all handles of the body,
 /// whatever the numbers, so there is a most expensive tick: the tick that accepts a model during a blend. It evaluates
@@ -60,6 +64,7 @@ fn main() -> ExitCode {
         Some("count-all") => run_each(Case::chosen(true)),
         Some("count-rings") => pass_each(Passage::chosen(false)),
         Some("count-all-rings") => pass_each(Passage::chosen(true)),
+        Some("count-touches") => touch_each(),
         Some(other) => Err(format!("found {other}, allowed: --all, --refresh")),
     };
     match done {
@@ -96,6 +101,27 @@ fn pass_each(passages: Vec<Passage>) -> Result<(), String> {
     Ok(())
 }
 
+/// Runs each tick of a tool once.
+fn touch_each() -> Result<(), String> {
+    let mut others = String::new();
+    for touch in touches::GATE {
+        let mut touching = touch.prepare();
+        if !touching.run() {
+            let _ = writeln!(
+                others,
+                "{}: found {} contacts",
+                touch.name(),
+                touching.contacts()
+            );
+        }
+    }
+    if others.is_empty() {
+        Ok(())
+    } else {
+        Err(others)
+    }
+}
+
 /// The counts of all calls of `function`, which this program with `argument` makes once for each of `all`.
 fn calls<T>(argument: &str, function: &str, all: Vec<T>) -> Result<Vec<(T, Count)>, String> {
     let program = std::env::current_exe().map_err(|e| format!("no path to myself: {e}"))?;
@@ -128,12 +154,15 @@ fn counted(
     };
     let ticks = calls(count, cases::MEASURED, Case::chosen(all))?;
     let passages = calls(count_rings, rings::MEASURED, Passage::chosen(all))?;
+    let touches = calls("count-touches", touches::MEASURED, touches::GATE.into())?;
     print_table(&ticks);
     print_passages(&passages);
+    print_touches(&touches);
     ratios(&ticks)?;
     let ticks = ticks.iter().map(|(case, count)| (case.name(), *count));
     let passages = passages.iter().map(|(case, count)| (case.name(), *count));
-    let named: Vec<_> = ticks.chain(passages).collect();
+    let touches = touches.iter().map(|(case, count)| (case.name(), *count));
+    let named: Vec<_> = ticks.chain(passages).chain(touches).collect();
     then(&named)
 }
 
@@ -182,6 +211,34 @@ fn print_passages(counts: &[(Passage, Count)]) {
         );
     }
     println!();
+}
+
+/// Prints counts and times of the ticks of a tool, one row each.
+fn print_touches(counts: &[(Touch, Count)]) {
+    println!("A tick of a tool, by number of contacts: the same.\n");
+    println!("| tick | instructions (+ copies), ns |");
+    println!("|---|---|");
+    for (touch, count) in counts {
+        println!(
+            "| {} | {} (+{}), {} |",
+            touch.name(),
+            count.instructions,
+            count.copies,
+            touch_nanoseconds(*touch)
+        );
+    }
+    println!();
+}
+
+/// Time of the tick of a tool (ns), including the clock's own.
+fn touch_nanoseconds(touch: Touch) -> u128 {
+    let touching = touch.prepare();
+    median(|| {
+        let mut tick = touching.clone();
+        let start = Instant::now();
+        tick.run();
+        start.elapsed().as_nanos()
+    })
 }
 
 /// Time of the passage (ns), including the clock's own.
