@@ -33,7 +33,7 @@ pub use panels::{Panel, panels};
 pub use picture::Picture;
 pub use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position};
 pub use still::{Ribbons, StillPicture, still};
-pub use view::{HandMark, Obstacle, Shape};
+pub use view::{HandMark, Obstacle, Shape, ToolMark};
 
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,7 @@ use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, UNITS};
 use super::picture::Picture;
 use super::reduce::usable;
-use super::view::{self, HandMark, Obstacle, Shape};
+use super::view::{self, HandMark, Obstacle, Shape, ToolMark};
 
 /// Width of the page, and of its left part, the view (pixels).
 const WIDTH: i32 = 900;
@@ -34,6 +34,8 @@ pub struct StillPicture {
     pub obstacles: Vec<Obstacle>,
     /// The hands. The curves are in their order.
     pub hands: Vec<HandMark>,
+    /// The tools.
+    pub tools: Vec<ToolMark>,
     /// Its time (s).
     pub time: f64,
     /// The upper and the lower chart.
@@ -63,7 +65,8 @@ pub fn still(still: &StillPicture) -> Picture {
         page::legend(area, WIDTH, top, &entries)?;
         let place = [20, head, VIEW - 20, HEIGHT];
         let surfaces = (&still.shapes[..], &still.obstacles[..]);
-        view::draw(area, place, &still.color_label, surfaces, &still.hands)?;
+        let marks = (&still.hands[..], &still.tools[..]);
+        view::draw(area, place, &still.color_label, surfaces, marks)?;
         let right = area.clone().shrink(
             (VIEW * UNITS, head * UNITS),
             ((WIDTH - VIEW) * UNITS, HEIGHT * UNITS),

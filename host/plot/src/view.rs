@@ -6,6 +6,8 @@
 //! obstacle is divided into such triangles, and each counts as farther away by its size, so that it does not cover a sheet
 //! that lies on it.
 
+mod tools;
+
 use nalgebra::Vector3;
 use plotters::prelude::*;
 
@@ -13,6 +15,8 @@ use super::axis::Axis;
 use super::font::text_width;
 use super::page::{self, Area, Drawn, UNITS};
 use super::reduce::usable;
+
+pub use tools::ToolMark;
 
 /// A body as it is drawn. Indices that do not exist are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -71,20 +75,22 @@ const PLANE: RGBColor = RGBColor(236, 236, 236);
 /// The longest side of a triangle of an obstacle, as a part of the longer side of the picture.
 const PIECE: f64 = 1.0 / 24.0;
 
-/// Draws bodies, obstacles and hands on the part of the page from (`x`, `y`) on, of this width and height (pixels), with the
+/// Draws bodies, obstacles, tools and hands on the part of the page from (`x`, `y`) on, of this width and height (pixels), with the
 /// scale of colours, a scale bar and an arrow that shows the scale of forces.
 pub(super) fn draw(
     area: &Area,
     [x, y, width, height]: [i32; 4],
     label: &str,
     (shapes, obstacles): (&[Shape], &[Obstacle]),
-    hands: &[HandMark],
+    (hands, tools): (&[HandMark], &[ToolMark]),
 ) -> Drawn {
-    let forces = hands.iter().map(|hand| Vector3::from(hand.force).norm());
-    let strongest = forces.filter(|f| usable(*f)).fold(0.0, f64::max);
+    let forces = hands.iter().map(|hand| hand.force);
+    let forces = forces.chain(tools.iter().map(|tool| tool.force));
+    let sizes = forces.map(|force| Vector3::from(force).norm());
+    let strongest = sizes.filter(|f| usable(*f)).fold(0.0, f64::max);
     let per_newton = ARROW / strongest.max(SMALL_FORCE);
     let inner = [x + 8, y + 8, width - 16, height - SCALES - 16];
-    let camera = Camera::fitting(inner, (shapes, obstacles), hands, per_newton);
+    let camera = Camera::fitting(inner, (shapes, obstacles), (hands, tools), per_newton);
     let values = shapes.iter().flat_map(|shape| shape.values.iter().copied());
     let scale = Axis::linear(values.filter(|value| usable(*value)).chain([0.0]), 0.0, 6.0);
     draw_planes(area, &camera, obstacles, [x, y, width, height - SCALES])?;
@@ -93,6 +99,9 @@ pub(super) fn draw(
         let text = "this moment has no bodies";
         let at = x + (width - text_width(text, 12.0, false) as i32) / 2;
         page::write(area, text, at, y + 24, page::font(12.0), page::TEXT)?;
+    }
+    for tool in tools {
+        tools::draw(area, &camera, tool, per_newton)?;
     }
     for (index, hand) in hands.iter().enumerate() {
         draw_hand(area, &camera, hand, page::series_color(index), per_newton)?;
@@ -127,18 +136,21 @@ impl Camera {
     fn fitting(
         [x, y, width, height]: [i32; 4],
         (shapes, obstacles): (&[Shape], &[Obstacle]),
-        hands: &[HandMark],
+        (hands, tools): (&[HandMark], &[ToolMark]),
         per_newton: f64,
     ) -> Self {
         let bodies = shapes.iter().flat_map(|shape| shape.positions.iter());
         let obstacles = obstacles.iter().filter(|obstacle| !obstacle.plane);
         let solids = obstacles.flat_map(|obstacle| obstacle.positions.iter());
+        let ghosts = tools.iter().flat_map(|tool| tool.ghost.iter());
         let mut points: Vec<([f64; 2], [f64; 2])> = bodies
             .chain(solids)
+            .chain(ghosts)
             .filter_map(|point| Some((flat(*point)?, [0.0; 2])))
             .collect();
-        for hand in hands {
-            let Some((at, force)) = flat(hand.position).zip(flat(hand.force)) else {
+        let arrows = hands.iter().map(|hand| (hand.position, hand.force));
+        for (at, force) in arrows.chain(tools.iter().map(|tool| (tool.at, tool.force))) {
+            let Some((at, force)) = flat(at).zip(flat(force)) else {
                 continue;
             };
             // The mark and the head of the arrow need room, too.
@@ -612,7 +624,7 @@ mod tests {
         let camera = Camera::fitting(
             inside,
             (std::slice::from_ref(&shape), &[]),
-            std::slice::from_ref(&hand),
+            (std::slice::from_ref(&hand), &[]),
             16.0,
         );
         let [ax, ay] = camera.place(shape.positions[0]).expect("a place");
@@ -639,7 +651,12 @@ mod tests {
             plane: false,
         };
         let inner = [0, 0, 400, 300];
-        let camera = Camera::fitting(inner, (&[], std::slice::from_ref(&obstacle)), &[], 1.0);
+        let camera = Camera::fitting(
+            inner,
+            (&[], std::slice::from_ref(&obstacle)),
+            (&[], &[]),
+            1.0,
+        );
         let found = pieces(&camera, std::slice::from_ref(&obstacle));
         let area = |corners: &[[f64; 2]]| {
             let (a, b, c) = (corners[0], corners[1], corners[2]);

@@ -6,6 +6,7 @@ use super::obstacle::{ObstacleInfo, ObstacleState};
 use crate::record::Distribution;
 use crate::record::contact::ContactPoint;
 use crate::snapshot::HostCounts;
+use rt_core::tool::Site;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -58,9 +59,9 @@ pub struct Hello {
     /// Whether something may touch, so that the log has contacts.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub touches: bool,
-    /// Whether a device has a tool, so that the log has patches.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub has_tools: bool,
+    /// The tools, in the scene's order. A scene with tools has patches in its log.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolInfo>,
     /// The facts of the log's header: seed, version and others.
     pub facts: BTreeMap<String, String>,
     /// The text of the scene. Scene and files let a viewer build the bodies, to compute stresses. They are not sent to
@@ -82,6 +83,15 @@ pub struct DeviceInfo {
     pub max_force: f64,
     /// Age of the local model at which its force fades (s).
     pub age_limit: f64,
+}
+
+/// One tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ToolInfo {
+    /// Index of its device.
+    pub device: u32,
+    /// Its number among the obstacles, which have its name and its shape.
+    pub obstacle: u32,
 }
 
 /// One body.
@@ -129,6 +139,9 @@ pub struct Frame {
     /// The obstacles at the last tick.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<ObstacleState>,
+    /// The tools at the last tick. Each is on the surface where its obstacle is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolState>,
     /// The strongest contacts of the newest host step.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<ContactArrow>,
@@ -147,6 +160,31 @@ pub struct Frame {
     pub more_log: u64,
     /// The run is over, and this is its last frame.
     pub last: bool,
+}
+
+/// A tool at a tick.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ToolState {
+    /// Index of its device. A device has one tool.
+    pub device: u32,
+    /// The pose to which its device leads it: position (m), and the quaternion x, y, z, w. The surface holds it back from there.
+    pub led: [f64; 7],
+    /// Number of contacts within reach.
+    pub contacts: u32,
+    /// The force of the surface on the tool (N).
+    pub force: [f64; 3],
+    /// Number of the patch in use; zero before the first.
+    pub patch: u64,
+    /// The points of the surface among which the tick looks for contacts (m), where the patch in use has them. Empty if the patch is
+    /// not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sites: Vec<[f32; 3]>,
+}
+
+/// The sites of a patch as a frame has them (m).
+pub fn sites<'a>(patch: impl IntoIterator<Item = &'a Site>) -> Vec<[f32; 3]> {
+    let places = patch.into_iter().map(|site| site.place);
+    places.map(|place| place.map(|x| x as f32).into()).collect()
 }
 
 /// A contact of a body.

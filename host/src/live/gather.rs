@@ -4,7 +4,7 @@
 //! files. The observer of a run and the playback of a log use the same gatherer, so a run and its log look the same. Its
 //! totals come from the code and the histograms of the summary.
 //!
-//! A gatherer does not know the host and the deformed vertices. The caller that asks for the frame adds them.
+//! A gatherer does not know the host, the deformed vertices and the sites of patches. The caller that asks for the frame adds them.
 
 mod bins;
 mod events;
@@ -23,6 +23,7 @@ use super::obstacle;
 use crate::record::Clock;
 use crate::record::Distribution;
 use crate::record::TearEvent;
+use crate::record::Touch;
 use crate::record::totals::DeviceSum;
 use crate::scene::LoadedScene;
 use bins::bins;
@@ -76,8 +77,18 @@ pub struct Gatherer {
     number: u64,
     /// The obstacles that frames show.
     obstacles: Arc<[Obstacle]>,
-    /// The device and the obstacle of each tool, which is shown where its device leads it.
-    tools: Vec<[usize; 2]>,
+    /// The tools, in the scene's order.
+    tools: Vec<Tool>,
+}
+
+/// A tool, which is shown where it is on the surface.
+#[derive(Clone, Copy, Debug)]
+struct Tool {
+    device: usize,
+    /// Its number among the obstacles.
+    obstacle: usize,
+    /// Whether it turns with the hand.
+    turns: bool,
 }
 
 /// The last tick.
@@ -87,7 +98,7 @@ struct Last {
     tick: Option<(u64, u64)>,
     devices: Vec<DeviceTelemetry>,
     bodies: Vec<BodyTelemetry>,
-    tools: [Option<Pose>; MAX_DEVICES],
+    tools: [Option<Touch>; MAX_DEVICES],
 }
 
 impl Gatherer {
@@ -119,7 +130,11 @@ impl Gatherer {
             number: 0,
             obstacles: Arc::default(),
             tools: (scene.numbered_tools())
-                .map(|(_, device, obstacle)| [device, obstacle])
+                .map(|(_, device, obstacle)| Tool {
+                    device,
+                    obstacle,
+                    turns: (loaded.models.get(device)).is_some_and(|m| m.rotation.is_some()),
+                })
                 .collect(),
         }
     }
@@ -247,16 +262,27 @@ impl Gatherer {
         self.number += 1;
         let time_ns = self.last.tick.map_or(0, |(_, time_ns)| time_ns);
         let mut obstacles = obstacle::states(&self.obstacles, time_ns as f64 * 1e-9);
-        for [device, obstacle] in &self.tools {
-            let known = self.last.tools.get(*device).copied().flatten();
-            if let Some((pose, state)) = known.zip(obstacles.get_mut(*obstacle)) {
-                state.pose = obstacle::state_of(&pose.position, &pose.rotation);
+        let mut tools = Vec::new();
+        for tool in &self.tools {
+            let touch = self.last.tools.get(tool.device).copied().flatten();
+            let (Some(touch), Some(device)) = (touch, self.last.devices.get(tool.device)) else {
+                continue;
+            };
+            if let Some(state) = obstacles.get_mut(tool.obstacle) {
+                state.pose = state::pose(&touch.pose);
             }
+            let led = if tool.turns {
+                device.pose
+            } else {
+                Pose::at(device.pose.position)
+            };
+            tools.push(state::tool(tool.device, &touch, &led));
         }
         Frame {
             number,
             time_ns,
             obstacles,
+            tools,
             folded: std::mem::take(&mut self.folded),
             totals: self.totals(),
             hands: (self.last.devices.iter().zip(&self.sums))

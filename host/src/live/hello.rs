@@ -1,6 +1,6 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
-use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
+use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source, ToolInfo};
 use super::{clusters, obstacle};
 use crate::scene::spec::ModelName;
 use crate::world::{Kind, World, grasps, scheme};
@@ -61,11 +61,25 @@ impl Hello {
             bodies: bodies.collect(),
             obstacles: obstacle::infos(world),
             touches: scene.has_contact(),
-            has_tools: !scene.tools.is_empty(),
+            tools: (scene.numbered_tools())
+                .map(|(_, device, obstacle)| ToolInfo {
+                    device: device as u32,
+                    obstacle: obstacle as u32,
+                })
+                .collect(),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),
         }
+    }
+}
+
+impl Hello {
+    /// The number of the obstacle that is the tool of a device.
+    pub fn obstacle_of(&self, device: u32) -> Option<usize> {
+        let mut tools = self.tools.iter();
+        let tool = tools.find(|tool| tool.device == device)?;
+        Some(tool.obstacle as usize)
     }
 }
 

@@ -17,7 +17,8 @@ pub mod socket;
 
 pub use frame::{
     Bins, BodyInfo, BodyState, ContactArrow, DeviceInfo, Event, EventKind, Folded, Frame,
-    HandState, HandleInfo, Hello, LogMessage, Playback, Source, Totals, Vertices,
+    HandState, HandleInfo, Hello, LogMessage, Playback, Source, ToolInfo, ToolState, Totals,
+    Vertices,
 };
 pub use message::{Message, MessageError};
 pub use obstacle::{ObstacleInfo, ObstacleState};

@@ -1,7 +1,6 @@
 //! The obstacles of a scene for viewers: triangles, made once, and where the triangles are at a time.
 
 use crate::world::World;
-use nalgebra::UnitQuaternion;
 use physics::Vec3;
 use physics::contact::Obstacle;
 use physics::contact::obstacle::{Geometry, Motion};
@@ -122,18 +121,13 @@ pub(super) fn states(obstacles: &[Obstacle], t: f64) -> Vec<ObstacleState> {
             }
             positions = rounded(&x);
         }
+        let (at, turn) = (pose.translation.vector, pose.rotation.coords);
         ObstacleState {
-            pose: state_of(&pose.translation.vector, &pose.rotation),
+            pose: [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w],
             positions,
         }
     };
     obstacles.iter().map(state).collect()
-}
-
-/// A pose as a frame has it.
-pub(super) fn state_of(place: &Vec3, rotation: &UnitQuaternion<f64>) -> [f64; 7] {
-    let (at, turn) = (place, rotation.coords);
-    [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w]
 }
 
 fn rounded(positions: &[Vec3]) -> Vec<f32> {

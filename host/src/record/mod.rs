@@ -30,7 +30,7 @@ pub use model::ModelRow;
 pub use patch::PatchRow;
 pub use surface::Surface;
 pub use tear::TearEvent;
-pub use tick::{LoggedReading, ReadFault, TOUCH, TickRow, energy_sums};
+pub use tick::{LoggedReading, ReadFault, TOUCH, TickRow, Touch, energy_sums};
 pub use times::Distribution;
 
 /// Which clock a run follows.

@@ -63,6 +63,11 @@ impl PatchRow {
         }
     }
 
+    /// The sites in use.
+    pub fn sites(&self) -> &[Site] {
+        &self.sites
+    }
+
     /// The patch as the host published it.
     pub fn patch(&self) -> Patch {
         let mut patch = Patch::empty();

@@ -64,18 +64,49 @@ impl From<&Telemetry> for TickRow {
     }
 }
 
+/// A tool at a tick: what a run and its log both know of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Number of the patch in use; zero before the first.
+    pub patch: u64,
+    /// Number of contacts within reach.
+    pub contacts: u8,
+    /// The pose of the tool on the surface (scene).
+    pub pose: Pose,
+    /// The force of the surface on the tool (N).
+    pub force: Vec3,
+}
+
+impl From<&ToolTelemetry> for Touch {
+    fn from(tool: &ToolTelemetry) -> Self {
+        Self {
+            patch: tool.sequence,
+            contacts: tool.contacts,
+            pose: tool.proxy,
+            force: tool.wrench.force,
+        }
+    }
+}
+
 impl TickRow {
-    /// The poses of the tools on the surfaces (scene), by device. Logs of earlier versions have no rotations.
-    pub fn tools(&self) -> [Option<Pose>; MAX_DEVICES] {
+    /// The tools, by device. Logs of earlier versions have no rotations.
+    pub fn tools(&self) -> [Option<Touch>; MAX_DEVICES] {
         let mut tools = [None; MAX_DEVICES];
         let mut turns = self.turn.as_chunks::<TURN>().0.iter();
-        for [device, _, x, y, z, ..] in self.touch.as_chunks::<TOUCH>().0 {
+        let mut patches = self.patches.iter();
+        for [device, contacts, x, y, z, force @ ..] in self.touch.as_chunks::<TOUCH>().0 {
             let mut pose = Pose::at(Vec3::new(*x, *y, *z));
             if let Some([w, i, j, k, ..]) = turns.next() {
                 pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(*w, *i, *j, *k));
             }
+            let patch = patches.next().copied().unwrap_or(0);
             if let Some(tool) = tools.get_mut(*device as usize) {
-                *tool = Some(pose);
+                *tool = Some(Touch {
+                    patch,
+                    contacts: *contacts as u8,
+                    pose,
+                    force: (*force).into(),
+                });
             }
         }
         tools

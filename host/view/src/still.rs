@@ -1,8 +1,8 @@
 //! A still of a display: what it shows at one time, as a picture (SVG, PNG) and as tables (CSV).
 
 use crate::history::History;
-use host::live::{Folded, Frame, Hello, Range, Vertices};
-use host::plot::{HandMark, Obstacle, Picture, Ribbons, Shape, StillPicture, still};
+use host::live::{Folded, Frame, Hello, ObstacleState, Range, ToolState, Vertices};
+use host::plot::{HandMark, Obstacle, Picture, Ribbons, Shape, StillPicture, ToolMark, still};
 use host::record::Surface;
 use host::table::quoted;
 use std::fmt::Write as _;
@@ -50,7 +50,7 @@ impl Shown {
 
 impl Still<'_> {
     /// The still as a picture: on the left the bodies, coloured by their displacement from rest, with the obstacles, the
-    /// hands and their forces, on the right the curves, and below the states.
+    /// hands, the tools and their forces, on the right the curves, and below the states.
     pub fn picture(&self) -> Picture {
         let (hello, frame) = (self.hello, self.frame);
         let hands = frame.hands.iter().enumerate();
@@ -90,6 +90,7 @@ impl Still<'_> {
             shapes: shapes.collect(),
             obstacles: obstacles.collect(),
             hands: hands.collect(),
+            tools: self.tools().collect(),
             time: seconds(frame.time_ns),
             charts: self.charts(),
             states: self.states(),
@@ -182,6 +183,30 @@ impl Still<'_> {
         })
     }
 
+    /// The marks of the tools.
+    fn tools(&self) -> impl Iterator<Item = ToolMark> {
+        self.frame.tools.iter().filter_map(|tool| {
+            let info = self.hello.obstacle_of(tool.device)?;
+            let [x, y, z, ..] = self.frame.obstacles.get(info)?.pose;
+            let [a, b, c, ..] = tool.led;
+            let led = ObstacleState {
+                pose: tool.led,
+                ..ObstacleState::default()
+            };
+            let shape = self.hello.obstacles.get(info)?;
+            Some(ToolMark {
+                hand: tool.device as usize,
+                at: [x, y, z],
+                led: [a, b, c],
+                ghost: (shape.placed(&led).into_iter())
+                    .map(|point| point.map(f64::from))
+                    .collect(),
+                force: tool.force,
+                sites: tool.sites.iter().map(|site| site.map(f64::from)).collect(),
+            })
+        })
+    }
+
     /// The force, and the displacement from the beginning of the curves, along the axis along which the hands moved most.
     fn charts(&self) -> [Ribbons; 2] {
         let curve = |index: usize, pick: &dyn Fn(&[Range; 4]) -> [f64; 2]| {
@@ -238,7 +263,7 @@ impl Still<'_> {
         greatest.map_or(0, |(axis, _)| axis)
     }
 
-    /// A line for each hand, and for each body.
+    /// A line for each hand, and for each body and tool.
     fn states(&self) -> [Vec<String>; 2] {
         let hands = self.frame.hands.iter().enumerate().map(|(index, hand)| {
             let [x, y, z] = hand.force;
@@ -268,7 +293,19 @@ impl Still<'_> {
                 body.trust
             )
         });
-        [hands.collect(), bodies.collect()]
+        let tools = self.frame.tools.iter().map(|tool| self.touch(tool));
+        [hands.collect(), bodies.chain(tools).collect()]
+    }
+
+    /// A line for a tool.
+    fn touch(&self, tool: &ToolState) -> String {
+        let obstacle = self.hello.obstacle_of(tool.device);
+        let info = obstacle.and_then(|number| self.hello.obstacles.get(number));
+        let name = info.map_or("tool", |info| &info.name);
+        let [x, y, z] = tool.force;
+        let force = x.hypot(y).hypot(z);
+        let (contacts, sites) = (tool.contacts, tool.sites.len());
+        format!("{name}: {force:.2} N, contacts within reach: {contacts}, sites: {sites}")
     }
 }
 

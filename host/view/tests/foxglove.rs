@@ -4,7 +4,7 @@ mod foxglove_common;
 
 use foxglove_common::{PATIENCE, Server, hello};
 use host::live::frame::LogMessage;
-use host::live::{Frame, Hello, Message as FeedMessage};
+use host::live::{Frame, Hello, Message as FeedMessage, ObstacleInfo, ToolInfo};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use tungstenite::client::IntoClientRequest;
@@ -152,11 +152,22 @@ fn another_run_replaces_the_channels() {
 #[test]
 fn a_scene_with_contact_and_tools_has_their_channels() {
     let basic = ["/tick", "/model", "/bodies/sheet", "/bodies/sheet/frame"];
+    let ball = ObstacleInfo {
+        name: "ball".into(),
+        ..ObstacleInfo::default()
+    };
+    let tools = [
+        "/patch",
+        "/obstacles/ball",
+        "/tools/ball/led",
+        "/tools/ball/sites",
+    ];
     for (touches, has_tools) in [(false, false), (true, false), (true, true)] {
         let server = Server::start(
             Hello {
                 touches,
-                has_tools,
+                tools: vec![ToolInfo::default(); usize::from(has_tools)],
+                obstacles: vec![ball.clone(); usize::from(has_tools)],
                 ..hello()
             },
             None,
@@ -167,8 +178,8 @@ fn a_scene_with_contact_and_tools_has_their_channels() {
         let offered = offer["channels"].as_array().expect("a list").iter();
         let topics: Vec<_> = (offered.map(|channel| channel["topic"].as_str().unwrap())).collect();
         let contacts = touches.then_some("/contacts");
-        let patches = has_tools.then_some("/patch");
-        let expected: Vec<_> = (basic.into_iter().chain(contacts).chain(patches)).collect();
+        let tools = tools.into_iter().filter(|_| has_tools);
+        let expected: Vec<_> = (basic.into_iter().chain(contacts).chain(tools)).collect();
         assert_eq!(topics, expected);
         server.end().expect("served");
     }

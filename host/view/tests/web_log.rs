@@ -108,20 +108,15 @@ fn compare(shown: &Shown, rows: &[TickRow], index: &mut LogIndex<File>) {
     assert_eq!(shown.hands, hands.collect::<Vec<_>>(), "{after}");
 }
 
-#[test]
-fn the_page_draws_obstacles_and_on_a_key_the_forces_of_contacts() {
-    let Some(mut script) = browser::script("contact.cjs") else {
-        return;
-    };
+/// What a script prints that looks at the log of a scene's first `duration` (s), and the log; `None` if a tool is missing.
+fn looked_at(script: &str, scene: &str, duration: f64) -> Option<(String, Log)> {
+    let mut script = browser::script(script)?;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    let scene = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../scenes/sheet_on_sphere.toml"
-    );
+    let scene = format!("{}/../scenes/{scene}", env!("CARGO_MANIFEST_DIR"));
     let scene = Scene::load(scene.as_ref()).unwrap();
     let options = RunOptions {
-        duration: Some(0.15),
+        duration: Some(duration),
         log: Some(path.clone()),
         log_frames: Some(50.0),
         ..RunOptions::new(Clock::Virtual)
@@ -135,7 +130,30 @@ fn the_page_draws_obstacles_and_on_a_key_the_forces_of_contacts() {
     let text = browser::lines(script);
     stop.store(true, Ordering::Release);
     server.join().unwrap();
-    let log = Log::parse(&std::fs::read(&path).unwrap()).unwrap();
+    Some((text, Log::parse(&std::fs::read(&path).unwrap()).unwrap()))
+}
+
+#[test]
+fn the_page_draws_tools_with_their_ghosts_their_forces_and_what_they_may_touch() {
+    let Some((text, log)) = looked_at("tools.cjs", "lift.toml", 0.7) else {
+        return;
+    };
+    // The sites of the patches that the last tick uses.
+    let used = (0..).zip(&log.rows.last().unwrap().patches);
+    let patches = used.filter_map(|(device, sequence)| {
+        let mut patches = log.patches.iter();
+        patches.find(|patch| (patch.device, patch.sequence) == (device, *sequence))
+    });
+    let sites: usize = patches.map(|patch| patch.sites().len()).sum();
+    assert!(sites > 6);
+    assert_eq!(found::<usize>(&text, "SITES "), [sites]);
+}
+
+#[test]
+fn the_page_draws_obstacles_and_on_a_key_the_forces_of_contacts() {
+    let Some((text, log)) = looked_at("contact.cjs", "sheet_on_sphere.toml", 0.15) else {
+        return;
+    };
     let last = log.contacts.last().unwrap();
     assert!(!last.points.is_empty());
     assert_eq!(found::<usize>(&text, "CONTACTS "), [last.points.len()]);

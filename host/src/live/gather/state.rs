@@ -2,11 +2,11 @@
 //!
 //! A number that is not finite, which only a damaged log holds, becomes zero, because a message has finite numbers only.
 
-use crate::live::{BodyState, HandState};
-use crate::record::energy_sums;
+use crate::live::{BodyState, HandState, ToolState};
 use crate::record::totals::DeviceTotals;
-use rt_core::Vec3;
+use crate::record::{Touch, energy_sums};
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::{Pose, Vec3};
 
 /// The hand that holds a device.
 pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> HandState {
@@ -42,6 +42,24 @@ pub(super) fn body(body: &BodyTelemetry) -> BodyState {
         capped_ticks: body.energy.capped,
         vertices: None,
     }
+}
+
+/// The tool of a device that leads it to a pose, without its sites.
+pub(super) fn tool(device: usize, touch: &Touch, led: &Pose) -> ToolState {
+    ToolState {
+        device: device as u32,
+        led: pose(led),
+        contacts: u32::from(touch.contacts),
+        force: vector(&touch.force),
+        patch: touch.patch,
+        sites: Vec::new(),
+    }
+}
+
+/// A pose as a frame has it: position, and the quaternion x, y, z, w.
+pub(super) fn pose(pose: &Pose) -> [f64; 7] {
+    let (at, turn) = (pose.position, pose.rotation.coords);
+    [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w].map(finite)
 }
 
 fn finite(value: f64) -> f64 {

@@ -1,10 +1,10 @@
 //! A tick as a gatherer takes it, from a run or from a log.
 
 use crate::record::totals::place;
-use crate::record::{LoggedReading, TickRow};
+use crate::record::{LoggedReading, TickRow, Touch};
 use rt_core::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
-use rt_core::{MAX_DEVICES, Pose, Telemetry, Vec3};
+use rt_core::{MAX_DEVICES, Telemetry, Vec3};
 
 /// A tick, borrowed from a run's [`Telemetry`] or from a row of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,8 +21,8 @@ pub struct TickView<'a> {
     pub places: [Option<Vec3>; MAX_DEVICES],
     /// The bodies, in the scene's order.
     pub bodies: &'a [BodyTelemetry],
-    /// The poses of the tools on the surfaces (scene), by device.
-    pub tools: [Option<Pose>; MAX_DEVICES],
+    /// The tools, by device.
+    pub tools: [Option<Touch>; MAX_DEVICES],
 }
 
 /// The places of `devices` that gave these `readings`.
@@ -38,6 +38,17 @@ fn places<'a>(
     places
 }
 
+/// The tools of a tick, by device.
+fn tools(telemetry: &Telemetry) -> [Option<Touch>; MAX_DEVICES] {
+    let mut tools = [None; MAX_DEVICES];
+    for tool in telemetry.tools() {
+        if let Some(place) = tools.get_mut(usize::from(tool.device)) {
+            *place = Some(tool.into());
+        }
+    }
+    tools
+}
+
 impl<'a> From<&'a Telemetry> for TickView<'a> {
     fn from(telemetry: &'a Telemetry) -> Self {
         let devices = usize::from(telemetry.device_count).min(telemetry.devices.len());
@@ -49,7 +60,7 @@ impl<'a> From<&'a Telemetry> for TickView<'a> {
             devices: &telemetry.devices[..devices],
             places: places(&telemetry.devices[..devices], telemetry.readings().copied()),
             bodies: &telemetry.bodies[..bodies],
-            tools: telemetry.tick_record().tools,
+            tools: tools(telemetry),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::decode::Decoded;
 use super::{Chunk, IndexError, LogIndex};
-use crate::record::{BodyFrame, Cloud, ContactStep, Kind, Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, ContactStep, Kind, PatchRow, Surface, TickRow};
 use std::io::{Read, Seek};
 
 /// The place of a tick in the log. Places are in the order of the ticks.
@@ -32,10 +32,21 @@ impl Chunk {
 impl Decoded {
     /// The newest record of this kind at or before `time_ns` on a channel.
     fn newest<K: Kind>(&self, channel: u16, time_ns: u64) -> Option<&K> {
+        self.newest_that(channel, time_ns, |_| true)
+    }
+
+    /// The newest of these records that `fits`.
+    fn newest_that<K: Kind>(
+        &self,
+        channel: u16,
+        time_ns: u64,
+        fits: impl Fn(&K) -> bool,
+    ) -> Option<&K> {
         let list = self.of::<K>()?;
-        let mut places = list.places.iter();
-        let newest = places.rposition(|(of, at)| *of == channel && *at <= time_ns)?;
-        list.records.get(newest)
+        let mut records = list.places.iter().zip(&list.records).rev();
+        let newest =
+            records.find(|((of, at), record)| *of == channel && *at <= time_ns && fits(record));
+        newest.map(|(_, record)| record)
     }
 }
 
@@ -152,8 +163,32 @@ impl<R: Read + Seek> LogIndex<R> {
         self.newest_at("", time_ns)
     }
 
+    /// The patch of this number for the tool of a device, which was published at or before `time_ns`; `None` if the log lacks it.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn patch_at(
+        &mut self,
+        (device, sequence): (u8, u64),
+        time_ns: u64,
+    ) -> Result<Option<PatchRow>, IndexError> {
+        let fits = |row: &PatchRow| row.device == device && row.sequence <= sequence;
+        let found = self.newest_that("", time_ns, fits)?;
+        Ok(found.filter(|row| row.sequence == sequence))
+    }
+
     /// The newest record of a kind at or before `time_ns`, on the channel of the body of this name.
     fn newest_at<K: Kind>(&mut self, name: &str, time_ns: u64) -> Result<Option<K>, IndexError> {
+        self.newest_that(name, time_ns, |_| true)
+    }
+
+    /// The newest of these records that `fits`.
+    fn newest_that<K: Kind>(
+        &mut self,
+        name: &str,
+        time_ns: u64,
+        fits: impl Fn(&K) -> bool,
+    ) -> Result<Option<K>, IndexError> {
         let Some(channel) = self.channels.named::<K>(name) else {
             return Ok(None);
         };
@@ -162,7 +197,8 @@ impl<R: Read + Seek> LogIndex<R> {
             if chunk.is_none_or(|chunk| chunk.from_ns > time_ns || !chunk.may_have(channel)) {
                 continue;
             }
-            if let Some(record) = self.chunk(number)?.newest::<K>(channel, time_ns) {
+            let chunk = self.chunk(number)?;
+            if let Some(record) = chunk.newest_that(channel, time_ns, &fits) {
                 return Ok(Some(record.clone()));
             }
         }

@@ -4,7 +4,7 @@
 //! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the host, and
 //! gives the frames to the thread of the viewers without waiting.
 
-use crate::live::frame::{ContactArrow, Frame, LogMessage, Vertices};
+use crate::live::frame::{ContactArrow, Frame, LogMessage, Vertices, sites};
 use crate::live::gather::Gatherer;
 use crate::live::merge::MAX_LOG;
 use crate::live::socket::{Update, UpdateSender};
@@ -12,11 +12,16 @@ use crate::record::{ContactStep, Kind, ModelRow, PatchRow, Surface, TickRow};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use crate::snapshot::{HostCounts, Rate, Reader, Snapshot, Watchers, after_change};
+use rt_core::publication::Publication;
+use rt_core::tool::Patch;
 use runner::LatencyReader;
 use runner::link::LogRecord;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
+
+/// Patches whose sites are kept: more than a host publishes for eight tools between two frames.
+const PATCHES: usize = 128;
 
 /// Length of the time over which the rate of the host's steps is counted (ns).
 const RATE_SPAN_NS: u64 = 1_000_000_000;
@@ -115,6 +120,9 @@ impl Observer for ViewObserver {
             self.frames.gatherer.take(&tick);
         }
         if self.watched {
+            if let LogRecord::Patch(device, patch) = record {
+                self.frames.patches.take(device, patch);
+            }
             self.log.add(record);
         }
     }
@@ -175,6 +183,8 @@ pub(super) struct Frames {
     surfaces: Vec<Surface>,
     /// The contacts of the newest host step.
     contacts: Vec<ContactArrow>,
+    /// The newest patches.
+    patches: Patches,
     host: HostCounts,
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
@@ -190,6 +200,7 @@ impl Frames {
             gatherer,
             surfaces,
             contacts: Vec::new(),
+            patches: Patches::default(),
             host: HostCounts::default(),
             steps: StepRate::default(),
             unsent: None,
@@ -212,6 +223,9 @@ impl Frames {
     fn make(&mut self, snapshot: Option<&Snapshot>) -> (Vec<Surface>, Frame) {
         let mut frame = self.gatherer.frame();
         frame.contacts.clone_from(&self.contacts);
+        for tool in &mut frame.tools {
+            tool.sites = self.patches.sites(tool.device, tool.patch);
+        }
         let mut changed = Vec::new();
         if let Some(snapshot) = snapshot {
             self.host = snapshot.host.clone();
@@ -257,6 +271,29 @@ pub(super) fn vertices(snapshot: &Snapshot) -> impl Iterator<Item = Vertices> {
         positions: body.rounded().collect(),
         stress: Vec::new(),
     })
+}
+
+/// The sites of the patches that ticks use or will use.
+#[derive(Debug, Default)]
+struct Patches(VecDeque<(u32, u64, Vec<[f32; 3]>)>);
+
+impl Patches {
+    /// Takes a patch for the tool of a device.
+    fn take(&mut self, device: u8, patch: &Patch) {
+        let sequence = patch.head.sequence;
+        self.0
+            .push_back((device.into(), sequence, sites(patch.rows())));
+        if self.0.len() > PATCHES {
+            self.0.pop_front();
+        }
+    }
+
+    /// The sites of a patch (m); empty if the patch is not known.
+    fn sites(&self, device: u32, sequence: u64) -> Vec<[f32; 3]> {
+        let mut patches = self.0.iter().rev();
+        let found = patches.find(|(of, number, _)| (*of, *number) == (device, sequence));
+        found.map(|(.., sites)| sites.clone()).unwrap_or_default()
+    }
 }
 
 /// The rate of the host's steps over the last second of the run's own time.
@@ -366,6 +403,28 @@ mod tests {
         }
         assert_eq!(rate.at(4_010_000_000, 750), 0.0);
         assert!(rate.0.len() <= 102);
+    }
+
+    #[test]
+    fn a_tool_has_the_sites_of_the_patch_that_its_tick_uses() {
+        let patch = |sequence: u64| {
+            let mut patch = Patch::empty();
+            (patch.head.sequence, patch.head.site_count) = (sequence, 1);
+            patch.sites[0].place.x = sequence as f64;
+            patch
+        };
+        let mut patches = Patches::default();
+        for sequence in 1..=3 {
+            patches.take(0, &patch(sequence));
+            patches.take(1, &patch(10 * sequence));
+        }
+        // The second tool still uses an older patch.
+        let sites = |device, sequence| patches.sites(device, sequence);
+        assert_eq!(sites(0, 3), [[3.0, 0.0, 0.0]]);
+        assert_eq!(sites(1, 20), [[20.0, 0.0, 0.0]]);
+        assert!(sites(1, 3).is_empty() && sites(0, 0).is_empty());
+        (0..1000).for_each(|sequence| patches.take(1, &patch(sequence)));
+        assert_eq!(patches.0.len(), PATCHES);
     }
 
     #[test]

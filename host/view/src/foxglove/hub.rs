@@ -3,7 +3,7 @@
 use super::protocol::{Channel, Level, advertise, server_info, status, unadvertise};
 use super::queue::Queue;
 use crate::door::Client;
-use host::live::{Frame, Hello, ObstacleState, Vertices};
+use host::live::{Frame, Hello, ObstacleState, ToolState, Vertices};
 use host::record::{BodyFrame, ChannelInfo, Cloud, Group, Kind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -70,6 +70,29 @@ impl State {
         });
     }
 
+    /// Sends where the device of a tool would lead the vertices of the tool, and the points of the surface that the tool may touch.
+    fn send_tool(&self, tool: &ToolState, time_ns: u64) {
+        let hello = self.hello.as_ref();
+        let info = hello.and_then(|hello| {
+            let obstacle = hello.obstacle_of(tool.device)?;
+            hello.obstacles.get(obstacle)
+        });
+        let Some(info) = info else {
+            return;
+        };
+        let [led, sites] = tool_topics(&info.name);
+        self.send(&led, time_ns, || {
+            let state = ObstacleState {
+                pose: tool.led,
+                ..ObstacleState::default()
+            };
+            Cloud::message_of(time_ns, info.placed(&state).as_flattened())
+        });
+        self.send(&sites, time_ns, || {
+            Cloud::message_of(time_ns, tool.sites.as_flattened())
+        });
+    }
+
     /// Sends a deformed body as the log has it.
     fn send_body(&self, index: usize, vertices: &Vertices) {
         let body = self
@@ -96,6 +119,11 @@ impl State {
 /// The channel of an obstacle.
 fn obstacle_topic(name: &str) -> String {
     format!("/obstacles/{name}")
+}
+
+/// The channels of a tool: where its device would lead it, and the points that it may touch.
+fn tool_topics(name: &str) -> [String; 2] {
+    ["led", "sites"].map(|part| format!("/tools/{name}/{part}"))
 }
 
 impl Hub {
@@ -167,6 +195,9 @@ impl Hub {
         for (index, placed) in frame.obstacles.iter().enumerate() {
             state.send_obstacle(index, placed, frame.time_ns);
         }
+        for tool in &frame.tools {
+            state.send_tool(tool, frame.time_ns);
+        }
         state.clock_ns = frame.time_ns;
         let clock_ns = state.clock_ns;
         let clients = state.clients.iter();
@@ -196,20 +227,26 @@ impl Hub {
 }
 
 /// The channels of a source: those of the log, without the surfaces, which only this project's programs can show, and a
-/// cloud of each obstacle, which a log has in its scene. The numbers of the channels begin with `first`.
+/// cloud of each obstacle, which a log has in its scene, and two of each tool. The numbers of the channels begin with `first`.
 fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
     let bodies = hello.bodies.iter();
     let frames =
         bodies.flat_map(|body| [Cloud::channel(&body.name), BodyFrame::channel(&body.name)]);
     let contacts = hello.touches.then(|| Group::Contacts.channels(""));
-    let patches = hello.has_tools.then(|| Group::Tools.channels(""));
-    let obstacles = hello.obstacles.iter().map(|obstacle| ChannelInfo {
-        topic: obstacle_topic(&obstacle.name),
+    let patches = (!hello.tools.is_empty()).then(|| Group::Tools.channels(""));
+    let obstacles = (hello.obstacles.iter()).map(|obstacle| obstacle_topic(&obstacle.name));
+    let tools = hello.tools.iter().filter_map(|tool| {
+        let info = hello.obstacles.get(tool.obstacle as usize)?;
+        Some(tool_topics(&info.name))
+    });
+    let clouds = obstacles.chain(tools.flatten());
+    let clouds = clouds.map(|topic| ChannelInfo {
+        topic,
         ..Cloud::channel("")
     });
     let all = Group::Run.channels("").chain(frames);
     let all = all.chain(contacts.into_iter().flatten());
-    let all = all.chain(patches.into_iter().flatten()).chain(obstacles);
+    let all = all.chain(patches.into_iter().flatten()).chain(clouds);
     let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
         topic: info.topic,

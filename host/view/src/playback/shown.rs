@@ -1,6 +1,7 @@
 //! The frame of the tick that is shown.
 
 use super::{Player, PlayerError};
+use host::live::frame::sites;
 use host::live::{ContactArrow, EventKind, Frame, Message, Totals, Vertices};
 use host::record::Surface;
 use std::io::{Read, Seek};
@@ -22,6 +23,12 @@ impl<R: Read + Seek + Send> Player<R> {
         }
         if let Some(step) = self.log.contacts_at(frame.time_ns)? {
             frame.contacts = step.points.iter().map(ContactArrow::from).collect();
+        }
+        for tool in &mut frame.tools {
+            let patch = (tool.device as u8, tool.patch);
+            if let Some(patch) = self.log.patch_at(patch, frame.time_ns)? {
+                tool.sites = sites(patch.sites());
+            }
         }
         if self.stressed {
             self.add_stresses(&mut frame);

@@ -1,7 +1,9 @@
 use super::*;
 use host::engine::faults::{FaultKind, HostFault};
+use host::live::frame::sites;
 use host::live::{ContactArrow, EventKind, Folded};
 use host::log::{Log, LogHeader, LogWriter};
+use host::record::PatchRow;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
 use host::world::World;
@@ -106,6 +108,55 @@ fn a_moment_has_the_obstacles_and_the_contacts_of_its_step() {
         assert_eq!(frame.contacts, points.collect::<Vec<_>>());
     }
     assert!(!player.frame().contacts.is_empty());
+}
+
+#[test]
+fn a_moment_has_the_tools_and_the_sites_of_the_patches_in_use() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/lift.toml");
+    let scene = Scene::load(path.as_ref()).expect("a scene");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(0.7),
+        log: Some(path.clone()),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    run(&World::new(&scene).unwrap(), &options, &mut |_| ()).expect("a run");
+    let bytes = std::fs::read(&path).expect("the log");
+    let log = Log::parse(&bytes).expect("a log");
+    let mut player = player(&bytes);
+    for time_ns in [0, 60_000_000, 500_000_000, 699_000_000] {
+        player.command(&Command::Seek { time_ns });
+        take_all(&mut player);
+        let frame = player.frame();
+        assert_eq!((frame.time_ns, frame.tools.len()), (time_ns, 2));
+        let row = log.rows.iter().find(|row| row.time_ns == time_ns).unwrap();
+        for tool in &frame.tools {
+            let device = tool.device as usize;
+            assert_eq!(tool.patch, row.patches[device]);
+            // The device leads a ball to where the hand is, and does not turn it.
+            let [x, y, z] = frame.hands[device].position;
+            assert_eq!(tool.led, [x, y, z, 0.0, 0.0, 0.0, 1.0]);
+            let used = |patch: &&PatchRow| {
+                usize::from(patch.device) == device && patch.sequence == tool.patch
+            };
+            let used = log.patches.iter().find(used);
+            let expected = used.map(|patch| sites(patch.sites())).unwrap_or_default();
+            assert_eq!(tool.sites, expected);
+        }
+    }
+    // Both balls press the cube from their sides, and are held back from where their hands are.
+    let frame = player.frame();
+    let [left, right] = &frame.tools[..] else {
+        panic!("two tools");
+    };
+    assert!(left.force[0] < -0.5 && right.force[0] > 0.5, "{frame:?}");
+    assert!(left.led[0] > frame.obstacles[1].pose[0] + 1e-4);
+    assert!(right.led[0] < frame.obstacles[2].pose[0] - 1e-4);
+    for (tool, sign) in [(left, -1.0), (right, 1.0)] {
+        assert!(tool.contacts > 0 && tool.sites.len() > 2);
+        assert!(tool.sites.iter().any(|site| sign * site[0] > 0.01));
+    }
 }
 
 #[test]

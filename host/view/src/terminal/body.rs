@@ -2,7 +2,8 @@
 //!
 //! A surface is shaded by ordered dithering (Bayer, 1973) of Lambert's cosine, and its outline is drawn in full; or it
 //! is drawn as the edges of its triangles. Obstacles are drawn as bodies are, fainter. Contacts are short lines along their
-//! forces. Clusters of contact have a colour and a border each. Hands are crosses with a number, and their forces are arrows.
+//! forces. Clusters of contact have a colour and a border each. Hands are crosses with a number, and their forces are arrows. So are the
+//! forces on tools; a dotted line leads from a tool's hand to the tool, and dots are the points that it may touch.
 
 use super::dots::{Dots, line};
 use super::format::digits;
@@ -321,6 +322,7 @@ pub(super) fn draw(
     if layers.contacts {
         contacts(model, &projection, &mut dots, palette);
     }
+    tools(model, &projection, &mut dots, palette);
     dots.draw(buffer);
     corner(buffer, area, &projection, palette);
     hands(buffer, area, model, &projection, palette);
@@ -350,6 +352,28 @@ fn contacts(model: &Model, projection: &Projection, dots: &mut Dots, palette: Pa
         let [from, to] = [at, end].map(|point| projection.project(&point));
         if from.iter().chain(&to).all(|x| x.is_finite()) {
             dots.line([from[0], from[1]], [to[0], to[1]], palette.contact());
+        }
+    }
+}
+
+/// The tools: a dotted line from where its device would lead each one to where the surface keeps it, and a dot for each point of the
+/// surface among which the tick looks for contacts.
+fn tools(model: &Model, projection: &Projection, dots: &mut Dots, palette: Palette) {
+    for tool in model.frame.iter().flat_map(|frame| &frame.tools) {
+        let style = palette.hand(tool.device as usize);
+        for site in &tool.sites {
+            let [x, y, _] = projection.project(&site.map(f64::from));
+            // A dot is a line without a length.
+            dots.line([x, y], [x, y], style);
+        }
+        let [x, y, z, ..] = tool.led;
+        let Some(at) = model.tool(tool.device) else {
+            continue;
+        };
+        let ends = [[x, y, z], at].map(|point| projection.project(&point));
+        let [from, to] = ends.map(|[x, y, _]| [x, y]);
+        for (x, y) in line(from, to, dots.width(), dots.height()).step_by(2) {
+            dots.set(x, y, style);
         }
     }
 }
@@ -537,13 +561,28 @@ fn hands(
         .hands
         .iter()
         .map(|hand| dot(&hand.force, &hand.force).sqrt());
+    let touches = frame.tools.iter().filter_map(|tool| {
+        let at = model.tool(tool.device)?;
+        Some((tool.device as usize, at, tool.force))
+    });
+    let touching = frame
+        .tools
+        .iter()
+        .map(|tool| dot(&tool.force, &tool.force).sqrt());
     let most = peaks
         .chain(norms)
+        .chain(touching)
         .filter(|f| f.is_finite())
         .fold(0.5, f64::max);
     let mut dots = Dots::new(area);
     let (width, height) = (dots.width() as f64, dots.height() as f64);
     let longest = 0.3 * width.min(height);
+    let scaled = |force: [f64; 2]| force.map(|f| f / most * longest);
+    for (index, at, force) in touches {
+        let [x, y, _] = projection.project(&at);
+        let force = scaled(projection.direction(&force));
+        arrow(&mut dots, [x, y], force, palette.hand(index));
+    }
     let mut numbers: Vec<(u16, u16, String, Style)> = Vec::new();
     for (index, hand) in frame.hands.iter().enumerate() {
         let style = palette.hand(index);
@@ -556,22 +595,12 @@ fn hands(
             let end = |sign: f64| [at[0] + sign * arm[0], at[1] + sign * arm[1]];
             dots.line(end(-1.0), end(1.0), style);
         }
-        let force = projection
-            .direction(&hand.force)
-            .map(|f| f / most * longest);
-        let length = force[0].hypot(force[1]);
-        if length.is_finite() && length > 4.0 {
-            let tip = [at[0] + force[0], at[1] + force[1]];
-            dots.line(at, tip, style);
-            for turn in [2.6_f64, -2.6] {
-                let (sine, cosine) = turn.sin_cos();
-                let barb = [
-                    tip[0] + 4.0 * (force[0] * cosine - force[1] * sine) / length,
-                    tip[1] + 4.0 * (force[0] * sine + force[1] * cosine) / length,
-                ];
-                dots.line(tip, barb, style);
-            }
-        }
+        arrow(
+            &mut dots,
+            at,
+            scaled(projection.direction(&hand.force)),
+            style,
+        );
         if at[0] >= 0.0 && at[1] >= 0.0 && at[0] < width && at[1] < height {
             let (x, y) = (area.x + (at[0] / 2.0) as u16, area.y + (at[1] / 4.0) as u16);
             let x = if x + 2 < area.x + area.width {
@@ -592,5 +621,23 @@ fn hands(
     if area.width >= 24 && !frame.hands.is_empty() {
         let x = area.x + area.width - legend.chars().count() as u16;
         let _ = buffer.set_stringn(x, area.y, legend, usize::from(area.width), palette.faint());
+    }
+}
+
+/// An arrow of this length in dots, if it is long enough to be seen.
+fn arrow(dots: &mut Dots, at: [f64; 2], force: [f64; 2], style: Style) {
+    let length = force[0].hypot(force[1]);
+    if !(at.iter().all(|x| x.is_finite()) && length.is_finite() && length > 4.0) {
+        return;
+    }
+    let tip = [at[0] + force[0], at[1] + force[1]];
+    dots.line(at, tip, style);
+    for turn in [2.6_f64, -2.6] {
+        let (sine, cosine) = turn.sin_cos();
+        let barb = [
+            tip[0] + 4.0 * (force[0] * cosine - force[1] * sine) / length,
+            tip[1] + 4.0 * (force[0] * sine + force[1] * cosine) / length,
+        ];
+        dots.line(tip, barb, style);
     }
 }

@@ -163,6 +163,13 @@ impl Model {
         Some((&info.triangles, self.obstacles.get(index)?))
     }
 
+    /// Where the surface keeps the tool of a device (m).
+    pub(super) fn tool(&self, device: u32) -> Option<[f64; 3]> {
+        let obstacle = self.hello.obstacle_of(device)?;
+        let [x, y, z, ..] = self.frame.as_ref()?.obstacles.get(obstacle)?.pose;
+        Some([x, y, z])
+    }
+
     fn take_playback(&mut self, mut playback: Playback) {
         if let Some(old) = self.playback.take() {
             // Empty lists mean that nothing changed.

@@ -326,6 +326,61 @@ fn obstacles_follow_their_poses_and_contacts_are_drawn_if_asked() {
 }
 
 #[test]
+fn a_tool_has_the_points_it_may_touch_its_force_and_a_line_to_its_hand() {
+    let mut model = Model::default();
+    let hello = Hello {
+        bodies: vec![host::live::BodyInfo::default()],
+        obstacles: vec![host::live::ObstacleInfo::default(); 2],
+        // The tool of the second device is the second obstacle.
+        tools: vec![host::live::ToolInfo {
+            device: 1,
+            obstacle: 1,
+        }],
+        ..Hello::default()
+    };
+    let hand = |x: f64| HandState {
+        position: [x, 0.0, 0.0],
+        ..Default::default()
+    };
+    let frame = |led: f64, force: f64, sites: Vec<[f32; 3]>| {
+        let pose = |x: f64| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let state = |x: f64| host::live::ObstacleState {
+            pose: pose(x),
+            ..Default::default()
+        };
+        Message::Frame(Box::new(Frame {
+            hands: vec![hand(-1.0), hand(1.0)],
+            obstacles: vec![state(-1.0), state(0.0)],
+            tools: vec![host::live::ToolState {
+                device: 1,
+                led: pose(led),
+                force: [0.0, force, 0.0],
+                sites,
+                ..Default::default()
+            }],
+            ..Frame::default()
+        }))
+    };
+    let now = Instant::now();
+    model.take(Message::Hello(Box::new(hello)), now);
+    let mut view = on(Tab::Body);
+    (view.camera.yaw, view.camera.pitch) = (0.0, std::f64::consts::FRAC_PI_2);
+    let palette = Palette(Colours::True);
+    let mut drawn = |led: f64, force: f64, sites: Vec<[f32; 3]>| {
+        model.take(frame(led, force, sites), now);
+        [palette.hand(1), palette.hand(0)].map(|style| dots_of(&model, &view, style))
+    };
+    let [alone, other] = drawn(0.0, 0.0, Vec::new());
+    // The line is half of the way between the hands, and the force is an arrow.
+    let [lined, _] = drawn(1.0, 0.0, Vec::new());
+    assert!(lined > alone + 15, "{lined} {alone}");
+    let [forced, _] = drawn(0.0, 2.0, Vec::new());
+    assert!(forced > alone + 3, "{forced} {alone}");
+    let sites = vec![[0.3, 0.0, 0.0], [-0.3, 0.0, 0.0], [f32::NAN, 0.0, 0.0]];
+    assert_eq!(drawn(0.0, 0.0, sites), [alone + 2, other]);
+}
+
+#[test]
 fn clusters_have_a_colour_and_a_border_each_if_asked() {
     let mut model = Model::default();
     let hello = Hello {
@@ -824,6 +879,12 @@ fn any_message() -> impl Strategy<Value = Message> {
                 frame.obstacles.push(host::live::ObstacleState {
                     pose: [x, y, z, x, y, z, x],
                     positions: Vec::new(),
+                });
+                frame.tools.push(host::live::ToolState {
+                    led: [x, y, z, x, y, z, x],
+                    force: hand.force,
+                    sites: vec![hand.position.map(|x| x as f32)],
+                    ..Default::default()
                 });
                 frame.contacts.push(host::live::ContactArrow {
                     at: hand.position.map(|x| x as f32),

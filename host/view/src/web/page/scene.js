@@ -1,5 +1,5 @@
 /**
- * The bodies, the hands and their forces in three dimensions, drawn by three.js with WebGL2. The scene is drawn only
+ * The bodies, the hands, the tools and their forces in three dimensions, drawn by three.js with WebGL2. The scene is drawn only
  * when something changed. Lengths are in metres and z points up, as in the axes of the scene.
  */
 import * as THREE from "three";
@@ -19,6 +19,10 @@ const LABELS = 100;
 const CONTACTS = 256;
 /** The size of the mark of an overlap (CSS pixels). */
 const MARK = 7;
+/** Most sites of all tools: eight tools, sixteen each. */
+const SITES = 128;
+/** The size of the mark of a site (CSS pixels). */
+const SITE = 5;
 const UNIT = { displacement: "m", stress: "Pa", overlaps: "m" };
 const NAME = { displacement: "Displacement", stress: "Von Mises stress", overlaps: "Depth of contacts" };
 const up = new THREE.Vector3(0, 0, 1);
@@ -75,6 +79,7 @@ export class View {
     this.hands = [];
     this.handles = [];
     this.obstacles = [];
+    this.tools = [];
     /** The contacts of the last frame. */
     this.contacts = [];
     this.radius = 0.1;
@@ -112,6 +117,14 @@ export class View {
     // Contacts are drawn last, so that no body hides them.
     this.pushes.renderOrder = this.overlaps.renderOrder = 1;
     this.scene.add(this.overlaps);
+    // The points of the surfaces among which the tick looks for contacts of the tools.
+    this.sites = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ size: SITE, sizeAttenuation: false, vertexColors: true, depthTest: false }));
+    for (const name of ["position", "color"]) {
+      this.sites.geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(3 * SITES), 3).setUsage(THREE.DynamicDrawUsage));
+    }
+    this.sites.frustumCulled = false;
+    this.sites.renderOrder = 1;
+    this.scene.add(this.sites);
     this.map = new THREE.DataTexture(new Uint8Array(table().buffer), 256, 1);
     this.map.colorSpace = THREE.SRGBColorSpace;
     this.map.minFilter = THREE.LinearFilter;
@@ -141,11 +154,13 @@ export class View {
     for (const { mesh } of this.handles) this.scene.remove(mesh);
     for (const label of this.labelled.values()) label.remove();
     this.labelled.clear();
+    for (const { group } of this.tools) this.scene.remove(group);
     for (const { mesh } of this.obstacles) {
       this.scene.remove(mesh);
       mesh.geometry.dispose();
     }
     this.obstacles = (hello.obstacles ?? []).map((info) => this.obstacle(info));
+    this.tools = (hello.tools ?? []).map((info) => this.tool(info));
     this.contacts = [];
     this.hands = hello.devices.map((info, device) => this.hand(info, device));
     this.handles = hello.bodies.flatMap((body, index) => body.handles.map((info) => {
@@ -186,25 +201,53 @@ export class View {
   }
 
   hand(info, device) {
-    const material = new THREE.MeshPhongMaterial({ shininess: 40, specular: 0x222222 });
-    // What a body hides is drawn again, fainter, so that hands and forces are always visible.
-    const faint = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.4, depthFunc: THREE.GreaterDepth, depthWrite: false });
-    const part = (geometry) => {
-      const mesh = new THREE.Mesh(geometry, material);
-      const hidden = new THREE.Mesh(geometry, faint);
-      hidden.renderOrder = 1;
-      mesh.add(hidden);
-      return mesh;
-    };
-    const arrow = new THREE.Group();
-    const [ball, shaft, tip] = [part(this.ball), part(this.shaft), part(this.tip)];
-    arrow.add(shaft, tip);
-    arrow.visible = false;
+    const { part, material, faint } = marked();
+    const ball = part(this.ball);
+    const arrow = this.arrow(part);
     const group = new THREE.Group();
-    group.add(ball, arrow);
+    group.add(ball, arrow.group);
     group.visible = false;
     this.scene.add(group);
-    return { info, device, group, ball, arrow, shaft, tip, material, faint };
+    return { info, device, group, ball, arrow, material, faint };
+  }
+
+  /** An arrow from the origin of its group. */
+  arrow(part) {
+    const [shaft, tip] = [part(this.shaft), part(this.tip)];
+    const group = new THREE.Group();
+    group.add(shaft, tip);
+    group.visible = false;
+    return { group, shaft, tip };
+  }
+
+  /** Points an arrow along a force (N), for hands of this size (m). */
+  point({ group, shaft, tip }, force, size) {
+    const direction = scratch.fromArray(force);
+    const length = direction.length() * this.newtons;
+    group.visible = length > 0.5 * size;
+    if (!group.visible) return;
+    group.quaternion.setFromUnitVectors(up, direction.normalize());
+    const head = Math.min(3.2 * size, 0.6 * length);
+    shaft.scale.set(0.32 * size, 0.32 * size, length - head);
+    tip.scale.set(0.9 * size, 0.9 * size, head);
+    tip.position.z = length - head;
+  }
+
+  /** A tool, beside its obstacle: its ghost where its device would lead it, a line from there to the tool, and the force of the surface. */
+  tool(info) {
+    const { part, material, faint } = marked();
+    const arrow = this.arrow(part);
+    const ghost = new THREE.Mesh(this.obstacles[info.obstacle]?.mesh.geometry, new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.3, depthWrite: false }));
+    ghost.frustumCulled = false;
+    const line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ depthTest: false }));
+    line.geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6), 3).setUsage(THREE.DynamicDrawUsage));
+    line.frustumCulled = false;
+    line.renderOrder = ghost.renderOrder = 1;
+    const group = new THREE.Group();
+    group.add(arrow.group, ghost, line);
+    group.visible = false;
+    this.scene.add(group);
+    return { info, group, arrow, ghost, line, material, faint };
   }
 
   remove(body) {
@@ -274,6 +317,10 @@ export class View {
     frame.obstacles?.forEach((state, index) => {
       if (this.obstacles[index]) this.place(this.obstacles[index], state);
     });
+    for (const state of frame.tools ?? []) {
+      const tool = this.tools.find(({ info }) => info.device === state.device);
+      if (tool) tool.state = state;
+    }
     this.contacts = frame.contacts ?? [];
     if (!this.framed && frame.hands.length > 0) this.reset();
     this.request();
@@ -334,6 +381,9 @@ export class View {
       faint.color.set(handColour(device));
     });
     for (const { mesh, info } of this.handles) mesh.material.color.set(handColour(info.device));
+    for (const { info, ghost, line, material, faint } of this.tools) {
+      for (const each of [ghost.material, line.material, material, faint]) each.color.set(handColour(info.device));
+    }
     for (const { mesh } of this.obstacles) mesh.material.color.set(property("--grid"));
     this.pushes.material.color.set(property("--axis"));
     this.grid.material.color.set(property("--grid"));
@@ -466,6 +516,7 @@ export class View {
     }
     this.updateBodies();
     this.updateHands();
+    this.updateTools();
     if (this.pushes.visible) this.updateContacts();
     if (this.overlaps.visible) this.updateOverlaps();
     this.renderer.render(this.scene, this.camera);
@@ -535,34 +586,50 @@ export class View {
   updateHands() {
     const size = 0.032 * this.radius;
     let most = 0;
-    for (const { state } of this.hands) if (state) most = Math.max(most, Math.hypot(...state.force));
+    for (const { state } of [...this.hands, ...this.tools]) if (state) most = Math.max(most, Math.hypot(...state.force));
     // Metres of arrow for a newton, in round numbers. The scale changes only when the arrows no longer fit.
     if (most > 0.05 && (this.newtons === 0 || most * this.newtons > 0.7 * this.radius)) {
       this.newtons = round125((0.4 * this.radius) / most);
     }
     for (const hand of this.hands) {
-      const { state, group, ball, arrow, shaft, tip, material } = hand;
+      const { state, group, ball, arrow, material } = hand;
       if (!state) continue;
       group.visible = true;
       group.position.fromArray(state.position);
       ball.scale.setScalar(size);
       // A device that is silent is shown as a wire.
       material.wireframe = !state.fresh;
-      const force = scratch.fromArray(state.force);
-      const length = force.length() * this.newtons;
-      arrow.visible = length > 0.5 * size;
-      if (arrow.visible) {
-        arrow.quaternion.setFromUnitVectors(up, force.normalize());
-        const head = Math.min(3.2 * size, 0.6 * length);
-        shaft.scale.set(0.32 * size, 0.32 * size, length - head);
-        tip.scale.set(0.9 * size, 0.9 * size, head);
-        tip.position.z = length - head;
-      }
+      this.point(arrow, state.force, size);
     }
     for (const { body, mesh, vertex } of this.handles) {
       mesh.scale.setScalar(0.7 * size);
       if (vertex >= 0) mesh.position.fromArray(this.bodies[body].position.array, 3 * vertex);
     }
+  }
+
+  updateTools() {
+    const { position, color } = this.sites.geometry.attributes;
+    let shown = 0;
+    for (const { info, state, group, arrow, ghost, line } of this.tools) {
+      const at = this.obstacles[info.obstacle]?.mesh;
+      if (!state || !at) continue;
+      group.visible = true;
+      const [x, y, z, ...turn] = state.led;
+      ghost.position.set(x, y, z);
+      ghost.quaternion.set(...turn);
+      line.geometry.attributes.position.array.set([x, y, z, ...at.position.toArray()]);
+      line.geometry.attributes.position.needsUpdate = true;
+      arrow.group.position.copy(at.position);
+      this.point(arrow, state.force, 0.032 * this.radius);
+      const rgb = line.material.color.toArray();
+      for (const site of (state.sites ?? []).slice(0, SITES - shown)) {
+        position.array.set(site, 3 * shown);
+        color.array.set(rgb, 3 * shown);
+        shown += 1;
+      }
+    }
+    position.needsUpdate = color.needsUpdate = true;
+    this.sites.geometry.setDrawRange(0, shown);
   }
 
   /** Lines along the forces of contacts: the largest is a third of the radius long. */
@@ -672,6 +739,20 @@ export class View {
       setTimeout(() => URL.revokeObjectURL(anchor.href), 10000);
     }, "image/png");
   }
+}
+
+/** A material, and what makes parts of it: what a body hides is drawn again, fainter, so that hands and forces are always visible. */
+function marked() {
+  const material = new THREE.MeshPhongMaterial({ shininess: 40, specular: 0x222222 });
+  const faint = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.4, depthFunc: THREE.GreaterDepth, depthWrite: false });
+  const part = (geometry) => {
+    const mesh = new THREE.Mesh(geometry, material);
+    const hidden = new THREE.Mesh(geometry, faint);
+    hidden.renderOrder = 1;
+    mesh.add(hidden);
+    return mesh;
+  };
+  return { part, material, faint };
 }
 
 function style(material, map, colour) {
