@@ -121,6 +121,10 @@ enum CommandError {
         found: f64,
         end: f64,
     },
+    #[error(
+        "--order take: found no simulated device whose tool takes hold, allowed: a scene with `take_button` in the `[[tool]]` of one"
+    )]
+    NothingToTake,
     #[error(transparent)]
     Sweep(#[from] study::sweep::SweepError),
     #[error(
@@ -203,6 +207,7 @@ impl CommandError {
             | Self::NoSuchDevice { .. }
             | Self::ManyValues { .. }
             | Self::AfterTheEnd { .. }
+            | Self::NothingToTake
             | Self::Sweep(_)
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced

@@ -1,14 +1,14 @@
-//! The operator of a run under the real clock: what arms and stops the devices.
+//! The operator of a run under the real clock: what arms and stops the devices, and lets simulated hands take hold.
 //!
-//! SIGUSR1 stops the force of all devices, and SIGUSR2 arms them. In a terminal, Enter stops the force, and the word `arm`
-//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handlers
-//! of both signals set values that the tick reads, so that an order acts within one tick, whatever the other threads do.
+//! SIGUSR1 stops the force of all devices, SIGUSR2 arms them, and SIGURG lets simulated hands take hold or let go. In a terminal,
+//! Enter stops the force, the word `arm` with Enter arms the devices, and `take` takes hold; in a display of the run (`--view`),
+//! Enter or space stops the force, `a` arms, and `t` takes hold. The handlers of the signals set values that the tick reads, so that an order acts within one tick, whatever the other threads do.
 //!
 //! A thread reads the terminal for as long as there is one: after bytes that are no text, after Ctrl-D, after the display has
 //! ended, and again when the run comes back from the background. A lost terminal ends the run ([`super::signals`]).
 
 use super::CommandError;
-use super::signals::{ORDERS, is_lost};
+use super::signals::{ORDERS, TAKE_ORDER, is_lost};
 use devices::panel::Panel;
 use host::scene::Scene;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -56,6 +56,7 @@ fn install(panel: &Panel) -> io::Result<Keyboard> {
     flag::register_usize(stop_order, Arc::clone(&stopped), 1)?;
     flag::register_usize(arm_order, stopped, 0)?;
     flag::register(arm_order, arms)?;
+    flag::register(TAKE_ORDER, panel.for_take())?;
     let keyboard = Keyboard::default();
     if io::stdin().is_terminal() {
         let (panel, keyboard) = (panel.clone(), keyboard.clone());
@@ -149,6 +150,9 @@ impl Lines {
     }
 }
 
+/// What an order to take does.
+const TAKEN: &str = "the simulated hands press their take_button, or release it";
+
 /// Obeys a line, and says so. The tick takes the order within a period, once the run ticks.
 fn obey(line: &str, panel: &Panel) {
     match line.trim() {
@@ -160,10 +164,14 @@ fn obey(line: &str, panel: &Panel) {
             panel.arm();
             errln!("armed: all devices that can be; Enter stops their forces");
         }
+        "take" => {
+            panel.take();
+            errln!("{TAKEN}");
+        }
         other => {
             // A person who types in a hurry wants the force to end.
             panel.stop();
-            errln!("stopped: found {other:?}, allowed: \"arm\" to arm, an empty line to stop");
+            errln!("stopped: found {other:?}, allowed: \"arm\", \"take\", an empty line to stop");
         }
     }
 }
@@ -185,6 +193,7 @@ pub(super) fn by_signals(run: u32) -> view::terminal::Operate {
                 "STOPPED: no device renders force; a arms them",
             ),
             Order::Arm => (Signal::USR2, "the devices are armed; Enter stops them"),
+            Order::Take => (Signal::URG, TAKEN),
         };
         match kill_process(run, signal) {
             Ok(()) => done.to_owned(),
@@ -254,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn every_line_but_the_word_arm_stops() {
+    fn every_line_but_the_words_of_other_orders_stops() {
         let both = ARM_ORDER | STOP_ORDER;
         for (bytes, expected) in [
             (&b"arm\n"[..], ARM_ORDER),
@@ -271,6 +280,9 @@ mod tests {
             (b"arm\n\xff\xfe\n\n", both),
             (b"arm\narm\xff\n", both),
             (b"arm\n\0\n", both),
+            // An order to take is neither to arm nor to stop.
+            (b"take\n", 0),
+            (b"arm\ntake\n", ARM_ORDER),
             // A terminal in raw mode.
             (b"arm\r\r", both),
         ] {

@@ -10,7 +10,7 @@ use super::signals::Ending;
 #[cfg(feature = "view")]
 use super::watch::Watch;
 use super::{COMMIT, CommandError, SceneArgument, build};
-use devices::panel::{Panel, TimedOrder};
+use devices::panel::{Order, Panel, TimedOrder};
 use host::engine::faults::HostFault;
 use host::plot::Component;
 use host::run::frames::FrameOptions;
@@ -108,7 +108,8 @@ pub(super) struct RunArguments {
     #[arg(long, value_name = "FAULT", value_parser = fault, conflicts_with = "replay")]
     fault: Vec<HostFault>,
     /// Arm or stop the devices at a time of the run: arm@0.5 arms them at 0.5 s, and stop@2 stops their forces at 2 s
-    /// until they are armed again. May be given several times
+    /// until they are armed again; take@1 lets simulated hands take hold with their tools, and the next take lets go.
+    /// May be given several times
     #[arg(long, value_name = "ORDER", value_parser = order, conflicts_with = "replay")]
     order: Vec<TimedOrder>,
     /// Real clock: refuse to start without the realtime privileges, and end the run at the first system call that
@@ -271,6 +272,16 @@ fn before_the_end(arguments: &RunArguments, scene: &Scene) -> Result<(), Command
     }
 }
 
+/// Refuses orders to take hold in a scene in which no simulated hand can.
+fn can_take(arguments: &RunArguments, scene: &Scene) -> Result<(), CommandError> {
+    let asks = arguments.order.iter().any(|one| one.order == Order::Take);
+    let can = (0..scene.devices.len()).any(|device| scene.ordered_button(device) != 0);
+    if asks && !can {
+        return Err(CommandError::NothingToTake);
+    }
+    Ok(())
+}
+
 /// Refuses what is about the tick's own thread if there is none.
 fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
     let given = [
@@ -337,6 +348,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         host::run::log_frames::check_rate(rate, &loaded.scene).map_err(RunError::from)?;
     }
     before_the_end(arguments, &loaded.scene)?;
+    can_take(arguments, &loaded.scene)?;
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)

@@ -24,7 +24,7 @@ use runner::Stop;
 use runner::signals::{ending, ignore, is_ignored};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{
-    SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGXFSZ,
+    SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTTIN, SIGTTOU, SIGURG, SIGUSR1, SIGUSR2, SIGXFSZ,
 };
 use signal_hook::{flag, low_level};
 use std::io::{self, IsTerminal, Read};
@@ -37,6 +37,8 @@ use std::time::Duration;
 const REQUESTS: [i32; 3] = [SIGINT, SIGQUIT, SIGTERM];
 /// The orders of an operator.
 pub(super) const ORDERS: [i32; 2] = [SIGUSR1, SIGUSR2];
+/// The order to simulated hands. Without a handler, this signal has no effect.
+pub(super) const TAKE_ORDER: i32 = SIGURG;
 /// Time after a request in which further requests belong to it.
 const SAME: Duration = Duration::from_secs(1);
 /// Period of the check whether there was a request.

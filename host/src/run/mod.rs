@@ -105,7 +105,7 @@ pub struct RunOptions {
     pub runner: RunnerConfig,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
-    /// The operator's panel, which arms and stops the devices.
+    /// The operator's panel, which arms and stops the devices, and lets simulated hands take hold.
     pub panel: Panel,
     /// Orders of the operator at times of the run.
     pub orders: Vec<TimedOrder>,
@@ -373,9 +373,11 @@ fn prepare(
     let mut prepared = Prepared::told(world, &session, preparing)?;
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
     prepared.tick.devices = devices
-        .map(|device| {
+        .enumerate()
+        .map(|(index, device)| {
             let operated = Operated::new(device, options.panel.clone(), &options.orders);
-            Box::new(operated) as AnyDevice
+            let take = world.loaded.scene.ordered_button(index);
+            Box::new(operated.with_take(take)) as AnyDevice
         })
         .collect();
     Ok(prepared)

@@ -1,5 +1,6 @@
 //! Tools that take hold of what they touch, and tools that squeeze and lift.
 
+use devices::panel::{Order, TimedOrder};
 use host::engine::faults::{FaultKind, HostFault};
 use host::log::Log;
 use host::run::prepare::{Options, Prepared};
@@ -264,4 +265,62 @@ fn a_run_that_takes_hold_replays_exactly() {
     assert!(log.patches.len() > 70 && touch[7] < -1.0, "{touch:?}");
     let report = replay(&log, &scene_of(&log, "a log").unwrap(), &mut |_| {}).unwrap();
     assert!(report.is_exact(), "{}", report.first.unwrap());
+}
+
+/// Two hands pull a block each: one takes hold by orders alone, and the other one presses its button, too.
+#[test]
+fn orders_take_hold_and_let_go_and_leave_what_a_hand_presses_itself() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+    let own = fs::read_to_string(scenes.join("take.toml")).unwrap();
+    let own = own.replace(COARSE.0, "[6, 6, 3]");
+    // The second block, its tool and its device, 0.2 m away, without a button of its hand.
+    let (_, tables) = own.split_once("[[body]]").unwrap();
+    let (ordered, _) = tables.split_once("[[device.hand.presses]]").unwrap();
+    let mut ordered = format!("[[body]]{ordered}");
+    for (from, to) in [
+        (
+            "name = \"block\"",
+            "name = \"other block\"\nposition = [0.2, 0.0, 0.0]",
+        ),
+        ("name = \"ball\"", "name = \"other ball\""),
+        ("[0.0, 0.0, 0.045]", "[0.2, 0.0, 0.045]"),
+        ("\"omega\"", "\"other\""),
+    ] {
+        assert!(ordered.contains(from), "{from}");
+        ordered = ordered.replace(from, to);
+    }
+    let text = format!("{own}\n{ordered}");
+    let loaded = Scene::load_texts("two.toml", &text, &BTreeMap::new()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    // The first hand presses from 0.6 s to 2.7 s by itself.
+    let orders = [0.55, 1.6].map(|at| TimedOrder {
+        order: Order::Take,
+        at,
+    });
+    let options = RunOptions {
+        duration: Some(1.8),
+        log: Some(path.clone()),
+        orders: orders.to_vec(),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    run(&World::new(&loaded).unwrap(), &options, &mut |_| ()).unwrap();
+    let log = Log::parse(&fs::read(path).unwrap()).unwrap();
+    let buttons = |at: usize| [0, 1].map(|device| log.rows[at].devices[device].buttons);
+    assert_eq!(buttons(549), [0, 0]);
+    assert_eq!(buttons(550), [1, 1]);
+    assert_eq!(buttons(1599), [1, 1]);
+    assert_eq!(buttons(1600), [1, 0]);
+    // Both pull. The force of the second one goes with its hold.
+    let pull = |at: usize| [0, 1].map(|device| -log.rows[at].devices[device].wrench.force.z);
+    let [pressed, ordered] = pull(1590);
+    assert!(
+        pressed > 1.0 && (ordered - pressed).abs() < 0.05 * pressed,
+        "{pressed} {ordered}"
+    );
+    let [pressed, ordered] = pull(1700);
+    assert!(pressed > 1.0 && ordered == 0.0, "{pressed} {ordered}");
+    // The log has the buttons, so that a replay takes hold in the same ticks.
+    let report = replay(&log, &scene_of(&log, "a log").unwrap(), &mut |_| {}).unwrap();
+    assert!(report.is_exact());
 }

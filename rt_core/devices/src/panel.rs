@@ -1,10 +1,13 @@
-//! The operator's panel: orders to arm and to stop the devices of a run, and the wrapper that passes the orders to the
-//! tick.
+//! The operator's panel: orders to arm and to stop the devices of a run, an order to simulated hands, and the wrapper that passes
+//! the orders to the tick.
 //!
 //! An order is a bit of the device's buttons ([`rt_core::engage`]). The log of the readings then holds the orders, and a
 //! replay needs no other record of them. An order may come from any thread and from a signal handler, because the panel
 //! consists of atomic values. Of two orders that come between two ticks, the later one decides. Orders at given times
 //! serve rehearsals: the device passes each of them on in the tick at or after its time, under either clock.
+//!
+//! A simulated hand may press a button by order ([`Operated::with_take`]), so that a person takes hold with a tool without a device.
+//! The button comes in addition to those that the hand presses by itself. The button of a real device is never touched.
 
 use rt_core::engage::{ARM_ORDER, OWN_BUTTONS, STOP_ORDER};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Wrench};
@@ -38,6 +41,10 @@ pub struct Panel {
     arms: Arc<AtomicBool>,
     /// The bit of the orders to arm, which changes with each order.
     armed: Arc<AtomicBool>,
+    /// Whether an order to take hold, or to let go, waits for the next tick.
+    takes: Arc<AtomicBool>,
+    /// Whether simulated hands take hold, which changes with each order.
+    taken: Arc<AtomicBool>,
 }
 
 impl Panel {
@@ -52,10 +59,28 @@ impl Panel {
         self.stopped.store(1, Ordering::Relaxed);
     }
 
+    /// Lets the simulated hands take hold of what their tools touch, and with the next of these orders let go.
+    pub fn take(&self) {
+        self.takes.store(true, Ordering::Relaxed);
+    }
+
+    /// The value that the handler of a signal sets to give the order [`Self::take`].
+    pub fn for_take(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.takes)
+    }
+
     /// The values that the handlers of two signals set. The first value is 1 after an order to stop, and 0 after an
     /// order to arm. An order to arm also sets the second value.
     pub fn for_handlers(&self) -> (Arc<AtomicUsize>, Arc<AtomicBool>) {
         (Arc::clone(&self.stopped), Arc::clone(&self.arms))
+    }
+
+    /// Whether simulated hands take hold, read by the tick.
+    fn takes_hold(&self) -> bool {
+        if self.takes.swap(false, Ordering::Relaxed) {
+            self.taken.fetch_xor(true, Ordering::Relaxed);
+        }
+        self.taken.load(Ordering::Relaxed)
     }
 
     /// The orders as bits of buttons, read by the tick.
@@ -84,14 +109,20 @@ pub enum Order {
     Arm,
     /// Stop the devices.
     Stop,
+    /// Let the simulated hands take hold, and the next time let go.
+    Take,
 }
 
 impl Order {
+    /// All orders.
+    pub const ALL: [Self; 3] = [Self::Arm, Self::Stop, Self::Take];
+
     /// The order, in words.
     pub fn name(self) -> &'static str {
         match self {
             Self::Arm => "arm",
             Self::Stop => "stop",
+            Self::Take => "take",
         }
     }
 }
@@ -113,6 +144,9 @@ pub struct Operated {
     schedule: Vec<(u64, Order)>,
     armed: bool,
     stopped: bool,
+    taken: bool,
+    /// The buttons that the hand presses by order, as a mask.
+    take: u32,
 }
 
 impl Operated {
@@ -131,6 +165,17 @@ impl Operated {
             schedule,
             armed: false,
             stopped: false,
+            taken: false,
+            take: 0,
+        }
+    }
+
+    /// The same device in a simulated hand, which presses these buttons (a mask) by order.
+    #[must_use]
+    pub fn with_take(self, buttons: u32) -> Self {
+        Self {
+            take: buttons,
+            ..self
         }
     }
 
@@ -143,6 +188,7 @@ impl Operated {
                     self.stopped = false;
                 }
                 Order::Stop => self.stopped = true,
+                Order::Take => self.taken = !self.taken,
             }
         }
     }
@@ -161,6 +207,9 @@ impl Device for Operated {
         // An order to arm is a change of its bit, so two sources of orders are joined by their sum.
         let arm = (scheduled ^ panel) & ARM_ORDER;
         let stop = (scheduled | panel) & STOP_ORDER;
+        if self.taken != self.panel.takes_hold() {
+            state.buttons |= self.take;
+        }
         state.buttons = state.buttons & OWN_BUTTONS | arm | stop;
         Ok(state)
     }
@@ -249,7 +298,45 @@ mod tests {
         panel.arm();
         // The stop of the schedule is not taken back by the panel.
         assert_eq!(read(2), ARM_ORDER | STOP_ORDER);
-        assert_eq!([Order::Arm.name(), Order::Stop.name()], ["arm", "stop"]);
+        assert_eq!(Order::ALL.map(Order::name), ["arm", "stop", "take"]);
+    }
+
+    #[test]
+    fn an_order_to_take_presses_the_button_of_simulated_hands_alone_and_the_next_one_releases_it() {
+        let panel = Panel::default();
+        let operated = |own: u32| Operated::new(pressed(own), panel.clone(), &[]);
+        // Two hands with tools of their own buttons, one of which presses the button by itself, and a real device.
+        let mut devices = [
+            operated(0).with_take(1),
+            operated(2).with_take(2),
+            operated(4),
+        ];
+        let mut read = || {
+            devices
+                .each_mut()
+                .map(|device| device.read(0).expect("a state").buttons)
+        };
+        assert_eq!(read(), [0, 2, 4]);
+        panel.take();
+        assert_eq!(read(), [1, 2, 4]);
+        assert_eq!(read(), [1, 2, 4]);
+        panel.take();
+        assert_eq!(read(), [0, 2, 4]);
+    }
+
+    #[test]
+    fn a_scheduled_take_and_one_of_the_panel_take_turns() {
+        let at = |at| TimedOrder {
+            order: Order::Take,
+            at,
+        };
+        let panel = Panel::default();
+        let schedule = [at(1e-3), at(3e-3)];
+        let mut device = Operated::new(pressed(0), panel.clone(), &schedule).with_take(1);
+        let mut read = |ms: u64| device.read(ms * 1_000_000).expect("a state").buttons;
+        assert_eq!([read(0), read(1)], [0, 1]);
+        panel.take();
+        assert_eq!([read(2), read(3)], [0, 1]);
     }
 
     #[test]

@@ -163,6 +163,37 @@ fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
 }
 
 #[test]
+fn a_key_of_its_display_lets_simulated_hands_take_hold_and_let_go() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/lift.toml");
+    let options = format!("{scene} --clock real --duration 1000 --csv run.csv");
+    let Some(terminal) = run(&options) else {
+        return;
+    };
+    let mut from = moment(&terminal.wait("a frame", |screen| moment(screen).is_some()));
+    for _ in 0..2 {
+        terminal.press("t");
+        // The run has time to obey.
+        let later = terminal.wait("the order", |screen| {
+            screen.contains("take_button") && moment(screen) > from.map(|at| at + 0.2)
+        });
+        from = moment(&later);
+    }
+    terminal.press("C-c");
+    terminal.ends_with("130");
+    let table = terminal.read("run.csv");
+    let mut rows = table.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<_> = rows.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<_>> = rows.map(|row| row.split(',').collect()).collect();
+    for device in ["left", "right"] {
+        let column = format!("{device}_buttons");
+        let at = names.iter().position(|name| *name == column).unwrap();
+        let mut pressed: Vec<_> = rows.iter().map(|row| row[at]).collect();
+        pressed.dedup();
+        assert_eq!(pressed, ["0", "1", "0"], "{device}");
+    }
+}
+
+#[test]
 fn lines_stop_and_arm_the_devices_after_the_display_has_ended() {
     // Closed by its key, and killed.
     for killed in [false, true] {

@@ -102,6 +102,15 @@ impl Scene {
         })
     }
 
+    /// The button of the device of this index that an order lets a simulated hand press, as a mask: that by which its tool takes hold.
+    /// Zero without one, and for a device that a person holds.
+    pub fn ordered_button(&self, device: usize) -> u32 {
+        let simulated = self.devices.get(device).is_some_and(Device::is_simulated);
+        let mut tools = self.numbered_tools().filter(|(_, of, _)| *of == device);
+        let tool = tools.next().filter(|_| simulated);
+        tool.map_or(0, |(tool, ..)| tool.take_buttons())
+    }
+
     /// The field of the obstacle of this number, in the order of a scene that was read.
     pub fn field_of_obstacle(&self, index: usize) -> String {
         match index.checked_sub(self.given_obstacles().len()) {

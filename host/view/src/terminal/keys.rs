@@ -66,6 +66,8 @@ pub enum Order {
     Stop,
     /// Arm the devices.
     Arm,
+    /// Let simulated hands take hold with their tools, and the next time let go.
+    Take,
 }
 
 /// The request of a key beyond a change of the view.
@@ -103,6 +105,7 @@ pub fn follow(key: &KeyEvent, view: &mut View, model: &Model) -> Wish {
         // Before all other keys: whatever the display shows, the force ends.
         KeyCode::Enter | KeyCode::Char(' ') if view.operates => return Wish::Order(Order::Stop),
         KeyCode::Char('a') if view.operates => return Wish::Order(Order::Arm),
+        KeyCode::Char('t') if view.operates => return Wish::Order(Order::Take),
         KeyCode::Char('q') => return Wish::Quit,
         KeyCode::Esc if view.help => view.help = false,
         KeyCode::Char('h' | '?') | KeyCode::F(1) => view.help = !view.help,
@@ -179,6 +182,7 @@ pub(super) fn help(log: bool, operates: bool) -> Vec<(&'static str, &'static str
         keys.extend([
             ("Enter, space", "STOP the force of all devices"),
             ("a", "arm the devices"),
+            ("t", "simulated hands take hold by their tools, or let go"),
         ]);
     }
     keys.extend([

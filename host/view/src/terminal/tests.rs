@@ -459,6 +459,7 @@ fn keys_are_orders_only_where_the_operator_sits() {
         (KeyCode::Enter, Order::Stop),
         (KeyCode::Char(' '), Order::Stop),
         (KeyCode::Char('a'), Order::Arm),
+        (KeyCode::Char('t'), Order::Take),
     ];
     for (code, order) in orders {
         let mut view = View::default();
