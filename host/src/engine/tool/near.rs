@@ -41,6 +41,9 @@ pub(super) struct Near {
     /// The nearest point of the hull of the tool, and its distance (m).
     pub on_tool: Vec3,
     pub distance: f64,
+    /// The distance by which it counts as near (m): on a body its own, on an obstacle that of the nearest of its triangles. An obstacle
+    /// may have large triangles, whose corners are far from a tool that touches them.
+    pub surface: f64,
     /// The distance at which the tool touches its surface (m).
     pub skin: f64,
     /// The force of the tool on it (N).
@@ -217,13 +220,19 @@ impl Surface {
                     normal: Vec3::zeros(),
                     on_tool: around.centre + on_tool,
                     distance: (own - on_tool).norm(),
+                    surface: f64::INFINITY,
                     skin,
                     force: Vec3::zeros(),
                     site: 0,
                 });
                 self.vertices.len() - 1
             });
-            self.vertices[*number].normal += outward;
+            let near = &mut self.vertices[*number];
+            near.normal += outward;
+            near.surface = match side {
+                Side::Body(_) => near.distance,
+                Side::Obstacle(_) => near.surface.min(distance),
+            };
         }
         self.triangles.push(NearTriangle {
             distance,

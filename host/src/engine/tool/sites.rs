@@ -1,7 +1,7 @@
 //! The sites of a patch: the vertices of a surface that stand for the others.
 //!
 //! Where the surface near the tool has more vertices than a patch has sites, the sites are some of the vertices, the denser the
-//! nearer to the tool. Each other vertex belongs to the nearest site, and its force counts at the site (vertex clustering: Rossignac
+//! nearer their triangles are to the tool. Each other vertex belongs to the nearest site, and its force counts at the site (vertex clustering: Rossignac
 //! and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993). A vertex that was a site stays one while
 //! it is near.
 
@@ -15,7 +15,7 @@ use rt_core::tool::MAX_SITES;
 const LEAST: f64 = 0.1;
 const FURTHER: f64 = 1.1;
 const LARGEST: f64 = 1e6;
-/// The distance from the nearest vertex, as a fraction of the size of the tool, within which sites are equally dense.
+/// The distance from the surface, as a fraction of the size of the tool, within which sites are equally dense.
 const FINEST: f64 = 0.25;
 
 /// How the sites lie around a tool.
@@ -42,11 +42,11 @@ impl Spread {
         }
     }
 
-    /// Whether both vertices can be sites, of which `far` is the later choice. `nearest` is the distance of the nearest vertex (m).
+    /// Whether both vertices can be sites, of which `far` is the later choice. `nearest` is the distance of the surface (m).
     fn is_apart(&self, far: &Near, other: &Near, scale: f64, nearest: f64) -> bool {
         let along = far.on_tool - other.on_tool;
         let across = (far.place - other.place - along) * self.across;
-        let least = scale * (far.distance - nearest + FINEST * self.size);
+        let least = scale * (far.surface - nearest + FINEST * self.size);
         along.norm_squared() + across.norm_squared() > least * least
     }
 
@@ -91,9 +91,10 @@ impl Spread {
         order.sort_by(|a, b| {
             let [a, b] = [*a, *b].map(|at| &vertices[at]);
             let by_kept = is_kept(b).cmp(&is_kept(a));
-            by_kept.then(a.distance.total_cmp(&b.distance))
+            let by_surface = by_kept.then(a.surface.total_cmp(&b.surface));
+            by_surface.then(a.distance.total_cmp(&b.distance))
         });
-        let each = vertices.iter().map(|near| near.distance);
+        let each = vertices.iter().map(|near| near.surface);
         let nearest = each.fold(f64::INFINITY, f64::min);
         let (mut scale, mut sites) = (LEAST, Vec::new());
         loop {

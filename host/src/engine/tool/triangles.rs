@@ -11,8 +11,8 @@ use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Triangle};
 /// The fraction of the distance of the surface from the hull: a triangle that is still nearer than this would push the tool away
 /// from where the surface is not.
 const CUTS: f64 = 0.5;
-/// The gap, as a fraction of the radius, from which on a site moves as far as a triangle asks. The site of a vertex that touches
-/// stays.
+/// The gap, as a fraction of the radius, from which on a site moves as far as a triangle asks. The site of a vertex whose triangle
+/// touches stays.
 const APART: f64 = 0.1;
 /// The sweeps over all triangles, and the least part of a triangle's motion that its corners must be able to make.
 const SWEEPS: usize = 4;
@@ -110,13 +110,13 @@ fn joined(surface: &Surface, patch: &Patch) -> heapless::Vec<Joined, MAX_TRIANGL
     joined
 }
 
-/// The gap between the tool and the vertex of each site (m).
+/// The gap between the tool and the triangles of each site's vertex (m).
 fn gaps(surface: &Surface, radius: f64, patch: &Patch) -> [f64; MAX_SITES] {
     let mut gaps = [0.0; MAX_SITES];
     for (gap, site) in gaps.iter_mut().zip(&patch.sites) {
         let mut vertices = surface.vertices.iter();
         let near = vertices.find(|near| near.vertex.number() == site.vertex);
-        *gap = near.map_or(0.0, |near| near.distance - near.skin - radius);
+        *gap = near.map_or(0.0, |near| near.surface - near.skin - radius);
     }
     gaps
 }
