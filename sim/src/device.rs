@@ -15,6 +15,7 @@ use crate::dynamics::{Dynamics, Turning};
 use crate::encoder::{Encoder, TurnEncoder};
 use crate::energy::MechanicalEnergy;
 use crate::hand::{Aim, Hand};
+use crate::trace::Felt;
 use crate::trajectory::Trajectory;
 use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
@@ -287,8 +288,13 @@ impl SimDevice {
             left -= step;
             self.moved_ns += step;
             let freedom = self.model.freedom();
+            let felt = Felt {
+                place: self.dynamics.position() - self.start,
+                velocity: self.dynamics.velocity(),
+                force: self.force,
+            };
             let wanted = self.aim.as_mut().map_or(self.start, |aim| {
-                self.start + freedom.part(&aim.at(self.moved_ns))
+                self.start + freedom.part(&aim.at(self.moved_ns, &felt))
             });
             self.dynamics.step(step as f64 * 1e-9, &self.force, &wanted);
             if let Some(rotation) = &mut self.rotation {

@@ -7,6 +7,7 @@
 
 use crate::arm::{Arm, Wrist};
 use crate::curve::{Knot, hermite};
+use crate::trace::{Felt, Trace, Tracing};
 use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
 use nalgebra::UnitQuaternion;
@@ -52,6 +53,8 @@ pub struct Hand {
     pub tremor: Option<Tremor>,
     /// The buttons that the hand presses.
     pub presses: Vec<Press>,
+    /// The contours that the hand traces. Afterwards it goes on with its trajectory from where it is.
+    pub traces: Vec<Trace>,
     /// The motion of the hand before its own time begins: a trajectory, and its duration (s). An operator homes a
     /// device by such a motion.
     pub opening: Option<(Trajectory, f64)>,
@@ -67,6 +70,7 @@ impl Hand {
             turns: None,
             tremor: None,
             presses: Vec::new(),
+            traces: Vec::new(),
             opening: None,
         }
     }
@@ -102,6 +106,11 @@ impl Hand {
         Self { presses, ..self }
     }
 
+    /// The same hand with contours that it traces.
+    pub fn with_traces(self, traces: Vec<Trace>) -> Self {
+        Self { traces, ..self }
+    }
+
     /// The same hand, which first follows the trajectory `opening` for `duration` (s).
     pub fn after(self, opening: Trajectory, duration: f64) -> Self {
         Self {
@@ -126,7 +135,14 @@ impl Hand {
         })
     }
 
-    /// The aim of the hand at `time` (s): displacement from the start (m) and velocity (m/s).
+    /// The contour that the hand traces at `time` (s).
+    fn trace(&self, time: f64) -> Option<&Trace> {
+        let time = self.own(time);
+        let mut now = self.traces.iter();
+        now.find(|trace| (trace.from..trace.to).contains(&time))
+    }
+
+    /// The aim of the hand at `time` (s), without what it traces: displacement from the start (m) and velocity (m/s).
     pub fn aim(&self, time: f64) -> (Vec3, Vec3) {
         let own = self.own(time);
         if let Some((opening, _)) = &self.opening
@@ -149,10 +165,13 @@ impl Hand {
 ///
 /// Substeps ask for the aim every few tens of microseconds, and a hand has no motion above 12 Hz. The cubic errs by
 /// `(2 pi f dt)^4 / 384`: 1e-7 of the amplitude at 12 Hz. The milliseconds are those of the hand itself, so the aim
-/// does not depend on the substeps.
+/// does not depend on the substeps. A hand that traces moves its aim each millisecond by what it feels then.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
     hand: Hand,
+    tracing: Tracing,
+    /// By how much, and how fast, tracing has moved the aim.
+    traced: Knot,
     /// The millisecond of `from`; `to` is one millisecond later.
     at_ms: u64,
     from: Knot,
@@ -166,6 +185,8 @@ impl Aim {
         let (from, to) = (hand.aim(0.0), hand.aim(1e-3));
         Self {
             hand,
+            tracing: Tracing::default(),
+            traced: (Vec3::zeros(), Vec3::zeros()),
             at_ms: 0,
             from,
             to,
@@ -206,8 +227,24 @@ impl Aim {
     }
 
     fn renew(&mut self) {
-        let knot = |ms: u64| self.hand.aim(ms as f64 * 1e-3);
-        (self.from, self.to) = (knot(self.at_ms), knot(self.at_ms + 1));
+        (self.from, self.to) = (self.knot(self.at_ms), self.knot(self.at_ms + 1));
+    }
+
+    fn knot(&self, ms: u64) -> Knot {
+        let (position, velocity) = self.hand.aim(ms as f64 * 1e-3);
+        (position + self.traced.0, velocity + self.traced.1)
+    }
+
+    /// Moves the aim along the contour that the hand traces in the millisecond `ms`.
+    fn trace(&mut self, ms: u64, felt: &Felt) {
+        let Some(trace) = self.hand.trace(ms as f64 * 1e-3) else {
+            (self.tracing, self.traced.1) = (Tracing::default(), Vec3::zeros());
+            return;
+        };
+        let stiffness = self.hand.arm.stiffness;
+        let aim = &self.from.0;
+        self.traced.1 = self.tracing.step(trace, stiffness, aim, felt, 1e-3);
+        self.traced.0 += self.traced.1 * 1e-3;
     }
 
     /// The orientation at which the wrist aims at `time_ns`; `None` for that at the start.
@@ -217,17 +254,17 @@ impl Aim {
         Some(UnitQuaternion::from_scaled_axis(turns.at(time).0))
     }
 
-    /// Displacement (m) at `time_ns`.
-    pub(crate) fn at(&mut self, time_ns: u64) -> Vec3 {
+    /// Displacement (m) at `time_ns`, by what the hand feels.
+    pub(crate) fn at(&mut self, time_ns: u64, felt: &Felt) -> Vec3 {
         let ms = time_ns / MS_NS;
         if ms != self.at_ms {
-            let next = |ms: u64| self.hand.aim(ms as f64 * 1e-3);
             self.from = if ms == self.at_ms + 1 {
                 self.to
             } else {
-                next(ms)
+                self.knot(ms)
             };
-            self.to = next(ms + 1);
+            self.trace(ms, felt);
+            self.to = self.knot(ms + 1);
             self.at_ms = ms;
         }
         let fraction = (time_ns % MS_NS) as f64 / MS_NS as f64;
@@ -250,6 +287,11 @@ mod tests {
         let hand = Hand::new(Trajectory::new_sines(&[sine], 0.2).unwrap())
             .with_tremor(Tremor::new(1e-4, 3).unwrap());
         let mut aim = Aim::new(hand.clone());
+        let felt = Felt {
+            place: Vec3::zeros(),
+            velocity: Vec3::zeros(),
+            force: Vec3::x(),
+        };
         // Steps that meet no whole millisecond, then a jump ahead and one back.
         for time_ns in (0..3000)
             .map(|k| k * 333_333)
@@ -258,7 +300,7 @@ mod tests {
             let (exact, _) = hand.aim(time_ns as f64 * 1e-9);
             // (2 pi f dt)^4 / 384 of 20 mm at 5 Hz and of 0.1 mm * sqrt(12) at 12 Hz: 0.05 nm each. During the fade
             // over 0.2 s, the error is a few times larger.
-            assert!((aim.at(time_ns) - exact).norm() < 0.3e-9);
+            assert!((aim.at(time_ns, &felt) - exact).norm() < 0.3e-9);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! exactly rounded. Only the [`emulated`] devices allocate after they are built, because a simulated device also runs
 //! inside the real-time tick.
 //!
-//! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
+//! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`trace`], [`tremor`]) holds a device
 //! (its model is one of `devices::models`). `dynamics` integrates the motion of both between ticks, and [`energy`]
 //! accounts for the energy of this motion. [`firmware`] puts a device behind the bytes of its reports, and [`delayed`]
 //! behind the delay of its output. [`emulate`] contains whole devices behind a protocol, published or our own.
@@ -27,6 +27,7 @@ pub mod firmware;
 pub mod hand;
 pub mod protocol;
 pub mod tasks;
+pub mod trace;
 pub mod trajectory;
 pub mod tremor;
 
@@ -43,5 +44,6 @@ pub use faulty::{Fault, Faulty};
 pub use firmware::Wired;
 pub use hand::Hand;
 pub use tasks::{Task, TaskError, TaskKind};
+pub use trace::Trace;
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};

@@ -195,6 +195,7 @@ const TABLES: [(&str, &[&str]); 17] = [
             "turns",
             "sines",
             "presses",
+            "traces",
             "recording",
         ],
     ),

@@ -491,19 +491,36 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         )?;
     }
     for (index, press) in hand.presses.iter().enumerate() {
-        let allowed = format!("a time after {:?}", press.from);
-        let field = format!("{at}.presses[{index}].to");
+        check_times(&format!("{at}.presses[{index}]"), [press.from, press.to])?;
+    }
+    for (index, trace) in hand.traces.iter().enumerate() {
+        let field = format!("{at}.traces[{index}]");
+        check_times(&field, [trace.from, trace.to])?;
+        for (name, vector) in [("direction", trace.direction), ("heading", trace.heading)] {
+            require(
+                vector != [0.0; 3],
+                &format!("{field}.{name}"),
+                format!("{vector:?}"),
+                "a vector that is not zero",
+            )?;
+        }
         require(
-            press.to > press.from,
+            hand.arm().stiffness > 0.0,
             &field,
-            format!("{:?}", press.to),
-            allowed,
+            "an arm without stiffness",
+            "a `stiffness` above 0 of the hand: its spring presses the surface",
         )?;
     }
     check_task(at, hand)?;
     hand.recording
         .iter()
         .try_for_each(|file| file_name(&format!("{at}.recording"), file))
+}
+
+/// The end is after the start.
+fn check_times(at: &str, [from, to]: [f64; 2]) -> Check {
+    let allowed = format!("a time after {from:?}");
+    require(to > from, &format!("{at}.to"), format!("{to:?}"), allowed)
 }
 
 /// Checks the times of rows, and that the first row is the start.

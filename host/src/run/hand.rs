@@ -5,7 +5,7 @@ use crate::scene::{LoadedScene, SceneError};
 use rt_core::Vec3;
 use sim::hand::Press;
 use sim::trajectory::Sine;
-use sim::{Hand, Task, TaskError, Trajectory, Tremor};
+use sim::{Hand, Task, TaskError, Trace, Trajectory, Tremor};
 use std::fmt::Display;
 
 /// Time over which a hand's sinusoids fade in (s).
@@ -70,8 +70,17 @@ pub(super) fn build(
         from: press.from,
         to: press.to,
     });
+    let traces = spec.traces.iter().map(|trace| Trace {
+        from: trace.from,
+        to: trace.to,
+        direction: trace.direction.into(),
+        heading: trace.heading.into(),
+        force: trace.force,
+        speed: trace.speed,
+    });
     let mut hand = Hand::new(Trajectory::new_sum(parts))
         .with_presses(presses.collect())
+        .with_traces(traces.collect())
         .with_arm(spec.arm())
         .with_wrist(spec.wrist());
     if !spec.turns.is_empty() {

@@ -1,4 +1,4 @@
-//! The shipped scenes in which a surface ends below a tool: a ball goes over the edge of a rigid shelf, and a finger tears a hanging cloth.
+//! Tools on surfaces that end below them: a ball goes over the edge of a rigid shelf, a finger tears a hanging cloth, and hands trace contours.
 
 use host::run::prepare::Options;
 use host::run::session::Session;
@@ -104,4 +104,68 @@ fn a_finger_tears_no_cloth_that_is_stronger() {
     };
     let run = run(&world, &options, &mut |_| {}).unwrap();
     assert!(run.tears[0].edges == 0 && run.tools[0].peak_force > 3.0);
+}
+
+/// Two hands trace at the same time, each with a ball on a device of its own: a rigid sphere, and a soft block.
+#[test]
+fn two_hands_trace_a_sphere_and_a_block() {
+    let device = |name: &str, heading: &str, force: f64| {
+        format!(
+            "[[device]]\nname = '{name}'\nmodel = 'omega3'\n[device.hand]\nstiffness = 500\ndamping = 12\n\
+             traces = [{{ from = 0.1, to = 2.6, direction = [0, 0, -1], heading = {heading}, force = {force:?}, speed = 0.02 }}]\n\
+             waypoints = [[2.6, 0, 0, 0], [2.9, 0, 0, 0.05]]\n"
+        )
+    };
+    let tool = |name: &str, x: f64| {
+        format!(
+            "[[tool]]\nname = '{name} ball'\ndevice = '{name}'\nradius = 0.008\nposition = [{x:?}, 0, 0.012]\nfriction = 0.2\n"
+        )
+    };
+    let text = format!(
+        "name = 'traces'\nduration = 3.2\n[host]\nstep_rate = 120\npublish_rate = 60\nlatency = 0.004\n\
+         [[obstacle]]\nname = 'sphere'\nshape = 'sphere'\nradius = 0.06\nposition = [0, 0, -0.06]\n\
+         [[body]]\nname = 'block'\nposition = [0.25, 0, -0.02]\ndamping = {{ mass = 0.1, stiffness = 0.005 }}\n\
+         mesh.box = {{ size = [0.12, 0.08, 0.04], cells = [12, 8, 4] }}\n\
+         material = {{ law = 'corotational', young = 3e4, poisson = 0.4, density = 1000 }}\n\
+         [[body.support]]\nname = 'table'\ngroup = 'bottom'\n{}{}{}{}",
+        tool("left", 0.0),
+        tool("right", 0.23),
+        device("left", "[0, 1, 0]", 1.5),
+        device("right", "[1, 0, 0]", 0.8),
+    );
+    let loaded = Scene::load_texts("traces.toml", &text, &BTreeMap::new()).unwrap();
+    let run = ticks(&loaded, 3.2);
+    let tools = |at: usize| run[at].tools().collect::<Vec<_>>();
+    for at in 1200..2600 {
+        let [left, right] = tools(at)[..] else {
+            panic!("{at}: no two tools");
+        };
+        // Friction turns the force by 11 degrees from the normal; the device has friction, too, and the block yields while the ball moves.
+        for (tool, force) in [(left, 1.5), (right, 0.8)] {
+            let felt = tool.wrench.force.norm() / force;
+            assert!((0.85..1.15).contains(&felt), "{at}: {felt}");
+        }
+        let out = left.proxy.position + Vec3::new(0.0, 0.0, 0.06);
+        assert!((out.norm() - 0.068).abs() < 1e-4, "{at}: {out}");
+    }
+    // 20 mm/s on both, for 1.4 s: along the sphere, and along the block.
+    let out = |at: usize| tools(at)[0].proxy.position + Vec3::new(0.0, 0.0, 0.06);
+    let ways = [
+        0.068 * out(1200).angle(&out(2600)),
+        (tools(2600)[1].proxy.position - tools(1200)[1].proxy.position).x,
+    ];
+    for way in ways {
+        assert!((0.025..0.031).contains(&way), "{ways:?}");
+    }
+    // Waypoints lead the hands away from where they are.
+    assert!(
+        run[3190]
+            .tools()
+            .all(|tool| tool.wrench.force.norm() == 0.0)
+    );
+    let least = run
+        .iter()
+        .flat_map(Telemetry::tools)
+        .map(|tool| tool.energy.least);
+    assert!(least.fold(0.0, f64::min) > -1e-3);
 }

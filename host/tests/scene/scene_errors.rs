@@ -238,6 +238,18 @@ hand = {}
   -> hand.turns = [[0, 0, 0, 0], [1, 0, 1, 0], [1, 0, 0, 0]]
   x.toml:39: device[0].hand.turns[2]: found time 1.0, allowed: a time after 1.0
 hand = {}
+  -> hand.traces = [{ from = 1, to = 0.5, direction = [0, 0, -1], heading = [1, 0, 0], force = 1, speed = 0.02 }]
+  x.toml:39: device[0].hand.traces[0].to: found 0.5, allowed: a time after 1.0
+hand = {}
+  -> hand.traces = [{ from = 0, to = 1, direction = [0, 0, -1], heading = [0, 0, 0], force = 1, speed = 0.02 }]
+  x.toml:39: device[0].hand.traces[0].heading: found [0.0, 0.0, 0.0], allowed: a vector that is not zero
+hand = {}
+  -> hand.traces = [{ from = 0, to = 1, direction = [0, 0, -1], heading = [1, 0, 0], force = -1, speed = 0.02 }]
+  x.toml:39: device[0].hand.traces[0].force: found -1, allowed: a number above 0
+hand = {}
+  -> hand = { stiffness = 0, traces = [{ from = 0, to = 1, direction = [0, 0, -1], heading = [1, 0, 0], force = 1, speed = 0.02 }] }
+  x.toml:39: device[0].hand.traces[0]: found an arm without stiffness, allowed: a `stiffness` above 0 of the hand: its spring presses the surface
+hand = {}
   -> hand.waypoints = 1
   x.toml:39: device[0].hand.waypoints: found 1, allowed: a list, such as waypoints = [[0, 0, 0, 0], [1, 0, 0, -0.02]], rows of time, x, y, z
 sines = [{
@@ -339,7 +351,7 @@ hand = {}
   x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` suffices)
 hand = {}
   -> hand.weight = 2
-  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `turns`, `sines`, `presses`, `recording`
+  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `turns`, `sines`, `presses`, `traces`, `recording`
 "#,
     );
 }

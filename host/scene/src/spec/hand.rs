@@ -59,6 +59,9 @@ pub struct Hand {
     /// The buttons that the hand presses.
     #[serde(default, deserialize_with = "check::tables")]
     pub presses: Vec<Press>,
+    /// The contours that the hand traces.
+    #[serde(default, deserialize_with = "check::tables")]
+    pub traces: Vec<Trace>,
     /// A recorded trajectory, its path relative to the scene file (CSV: time, x, y, z).
     #[serde(default)]
     pub recording: Option<String>,
@@ -161,6 +164,30 @@ pub struct Press {
     /// End (s).
     #[serde(deserialize_with = "check::not_negative")]
     pub to: f64,
+}
+
+/// One contour that a hand traces: it presses a surface and moves along it.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trace {
+    /// Start (s).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub from: f64,
+    /// End (s).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub to: f64,
+    /// Where the surface is, in device axes. The length of the vector has no effect.
+    #[serde(deserialize_with = "check::finite3")]
+    pub direction: [f64; 3],
+    /// Where the hand goes on, in device axes. The length of the vector has no effect.
+    #[serde(deserialize_with = "check::finite3")]
+    pub heading: [f64; 3],
+    /// The force with which the hand presses (N).
+    #[serde(deserialize_with = "check::positive")]
+    pub force: f64,
+    /// Speed along the surface (m/s).
+    #[serde(deserialize_with = "check::positive")]
+    pub speed: f64,
 }
 
 /// One sinusoid of a hand's trajectory.
