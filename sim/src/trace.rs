@@ -2,7 +2,7 @@
 //!
 //! The hand knows the pose of its handle and the force that the device renders. It takes the direction of this force, over its reaction
 //! time, for the normal of the surface. It presses against this force, and moves at right angles to it, towards its heading. While it
-//! feels less than [`TOUCHES`] of the force with which it means to press, it goes towards its first direction, and the less along the
+//! feels less than 0.3 of the force with which it means to press, it goes towards its first direction, and the less along the
 //! surface: it begins so, and also finds a surface again that it lost.
 //!
 //! The aim of the arm's spring moves, and nothing else does. The work of the muscles is thus in the account of the device's motion.
