@@ -611,6 +611,7 @@ impl Tool {
             };
             *place = site.place;
         }
+        self.unloaded = self.places;
     }
 
     /// Whether the tool cannot meet the surface in a tick in which its centre moves from `before` to `centre`, if it has no
