@@ -171,8 +171,8 @@ impl Rubbing {
         }
     }
 
-    /// Finds the friction under which the contacts stick, before the sweeps. Points of a rigid tool on a rigid floor are so nearly dependent
-    /// that sweeps alone would leave most of their way. A contact that would leave its cone slides.
+    /// Finds the friction under which the contacts stick, after the sweeps. Points of a rigid tool on a rigid floor are so nearly dependent
+    /// that sweeps alone leave most of their way. A contact that would leave its cone slides.
     fn stick(&mut self) {
         let mut sticks = [true; MAX_CONTACTS];
         for (sticks, slide) in sticks.iter_mut().zip(&self.slides) {
