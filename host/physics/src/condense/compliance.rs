@@ -37,6 +37,8 @@ const LEAST_PIVOT: f64 = 1e-6;
 const LEAST_TIME: f64 = 1.0 / 60.0;
 /// The error of a compliance, as a fraction of the largest one, by which the stiffness of a resultant is bounded.
 const ERROR: f64 = 1e-2;
+/// The most of this error, as a fraction of the compliance of the stiffest spring.
+const SLIGHT: f64 = 0.1;
 /// The least number of iterations that the first computation of a shape may take.
 const FIRST_ITERATIONS: usize = 200;
 
@@ -374,8 +376,13 @@ impl SiteCompliance {
 }
 
 /// The stiffness (N/m, N, N m) of points against a common displacement and a common rotation, from their compliance `between` each two of
-/// them (m/N) and their `arms` from the centre of the rotation (m). `None` if a point does not yield.
-pub fn resultant(arms: &[Vec3], between: &dyn Fn(usize, usize) -> Mat3) -> Option<Mat6> {
+/// them (m/N) and their `arms` from the centre of the rotation (m). A spring much stiffer than `stiffest` (N/m) need only be known to be
+/// stiffer. `None` if a point does not yield.
+pub fn resultant(
+    arms: &[Vec3],
+    stiffest: f64,
+    between: &dyn Fn(usize, usize) -> Mat3,
+) -> Option<Mat6> {
     let count = arms.len();
     let mut factor = Square::zeros(3 * count);
     for column in 0..3 * count {
@@ -387,10 +394,11 @@ pub fn resultant(arms: &[Vec3], between: &dyn Fn(usize, usize) -> Mat3) -> Optio
         return None;
     }
     // Shapes of different states make common displacements look rigid that are not: these few points then would be as stiff as the errors of
-    // their compliance are small.
+    // their compliance are small. A direction of little compliance beside one of much (along a sheet, and across it) stays stiff.
     let largest = (0..3 * count).fold(0.0, |most: f64, at| most.max(factor[(at, at)]));
+    let error = (ERROR * largest).min(SLIGHT / stiffest);
     for at in 0..3 * count {
-        factor[(at, at)] += ERROR * largest;
+        factor[(at, at)] += error;
     }
     factorize(&mut factor);
     // By motion: the displacements of the points, times the inverse of the factor.

@@ -4,8 +4,9 @@ use nalgebra::{SMatrix, SVector};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::{Cells, TetMesh};
 use physics::{
-    Body, BodyConfig, Border, Condenser, Footprint, Freedom, HandlePose, HandleSpec, ShapeOptions,
-    SiteCompliance, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Condenser, Footprint, Freedom, HandlePose, HandleSpec, Mat3,
+    ShapeOptions, SiteCompliance, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    resultant,
 };
 
 const PERIOD: f64 = 1.0 / 60.0;
@@ -177,6 +178,27 @@ fn a_spread_force_has_the_compliance_of_its_area() {
     // A single node gives way much more.
     let single = compliance(&mut body, &[Some(top[0])]);
     assert!(single.between(0, 0)[(2, 2)] > 5.0 * expected);
+}
+
+/// A sheet yields across itself, and hardly along itself: the stiff direction stays much stiffer than the device.
+#[test]
+fn a_direction_of_little_compliance_stays_stiff_beside_a_soft_one() {
+    let device = 3000.0;
+    for count in [1, 2, 4] {
+        let arms: Vec<Vec3> = (0..count)
+            .map(|at| Vec3::x() * f64::from(at) * 0.01)
+            .collect();
+        let between = |one: usize, other: usize| {
+            let own = if one == other { 1.0 } else { 0.5 };
+            Mat3::from_diagonal(&Vec3::new(1e-6, 0.3, 1e-6)) * own
+        };
+        let found = resultant(&arms, device, &between).unwrap();
+        assert!(
+            found[(0, 0)] > 5.0 * device && found[(2, 2)] > 5.0 * device,
+            "{found}"
+        );
+        assert!(found[(1, 1)] < 10.0, "{found}");
+    }
 }
 
 #[test]

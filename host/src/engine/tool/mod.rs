@@ -351,7 +351,8 @@ impl HostTool {
         }
         let between = |one: usize, other: usize| self.patch.compliance[loaded[one]][loaded[other]];
         let arms = loaded.iter().map(|slot| sites[*slot].place - centre);
-        let Some(stiffness) = resultant(&arms.collect::<Vec<_>>(), &between) else {
+        let Some(stiffness) = resultant(&arms.collect::<Vec<_>>(), self.spec.stiffest, &between)
+        else {
             return;
         };
         let along_axes = stiffness.fixed_view::<3, 3>(0, 0).into_owned();
