@@ -28,6 +28,8 @@ pub struct PatchRow {
     sites: Vec<Site>,
     /// The compliance, rows first, of which each block has its nine numbers.
     compliance: Vec<f64>,
+    /// The drifts of the sites, which logs of earlier versions lack.
+    drift: Vec<f64>,
 }
 
 impl PatchRow {
@@ -50,6 +52,9 @@ impl PatchRow {
             sites: patch.rows().to_vec(),
             compliance: (patch.blocks().flatten())
                 .flat_map(|block| block.iter().copied())
+                .collect(),
+            drift: (patch.rows().iter())
+                .flat_map(|site| site.drift.iter().copied())
                 .collect(),
         }
     }
@@ -92,6 +97,9 @@ impl PatchRow {
         for (to, from) in patch.sites.iter_mut().zip(&self.sites) {
             *to = *from;
         }
+        for (site, drift) in patch.sites.iter_mut().zip(self.drift.as_chunks::<3>().0) {
+            site.drift = (*drift).into();
+        }
         let mut numbers = self.compliance.iter();
         let count = self.sites.len();
         for row in patch.compliance.iter_mut().take(count) {
@@ -108,7 +116,8 @@ impl PatchRow {
         // Logs of earlier versions lack the floor of rotation.
         let is_whole = [9, 18].contains(&self.floor.len())
             && self.corners.len() == 3 * triangles
-            && self.compliance.len() == 9 * sites * sites;
+            && self.compliance.len() == 9 * sites * sites
+            && [0, 3 * sites].contains(&self.drift.len());
         (is_whole && sites <= MAX_SITES && triangles <= MAX_TRIANGLES).then_some(())
     }
 }
@@ -131,6 +140,7 @@ record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
     "palpate_msgs/Site[] sites" sites: list "site";
     "float64[] compliance # between the sites (m/N), nine numbers a block, rows first" compliance;
     "float64 elastic     # optional: fraction of the energy under the forces of the sites that is elastic" elastic: late;
+    "float64[] drift      # optional: velocities of the sites that inertia keeps (m/s), three numbers each" drift: late;
 }
 
 record! { Site: Self::zero();
@@ -138,4 +148,5 @@ record! { Site: Self::zero();
     "geometry_msgs/Vector3 velocity" velocity;
     "geometry_msgs/Vector3 force  # of the tool on the body" force;
     "uint32 vertex                # number of the vertex" vertex;
+    drift: skip;
 }

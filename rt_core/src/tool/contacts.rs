@@ -8,7 +8,7 @@
 //! of a tool that turns roll on under the tool. A contact that is held stays where it is.
 
 use super::friction::{SLIDES, most_friction};
-use super::patch::{Compliance, Triangle};
+use super::patch::{Compliance, Patch, Triangle};
 use super::{MAX_CONTACTS, MAX_SITES, MAX_TRIANGLES};
 use crate::geometry::{Mat3, Vec3};
 use crate::hull::{Hull, Near, Seed};
@@ -96,6 +96,23 @@ impl Contact {
             }
         }
         sum
+    }
+
+    /// Whether the surface yields here.
+    pub(super) fn yields(&self, compliance: &Compliance) -> bool {
+        let mut corners = self.corners.iter().map(|at| usize::from(*at));
+        corners.any(|at| {
+            let own = compliance.get(at).and_then(|row| row.get(at));
+            own.is_some_and(|block| *block != Mat3::zeros())
+        })
+    }
+
+    /// Moves the place to which the contact sticks, so that its friction changes by a force (N).
+    pub(super) fn lead(&mut self, force: &Vec3, patch: &Patch, fraction: f64) {
+        if self.yields(&patch.compliance) {
+            let yields = self.own(&patch.compliance) * fraction + patch.head.floor;
+            self.residual -= self.across(&(yields * self.across(force)));
+        }
     }
 
     /// Whether the contact presses, or is held.

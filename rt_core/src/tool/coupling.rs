@@ -212,6 +212,7 @@ impl ToolCoupling {
         let Some((pose, twist)) = devices.get(self.device) else {
             return Wrench::zero();
         };
+        self.tool.see_age(self.age_ns(now_ns) as f64 * 1e-9);
         self.tool.tick(pose);
         let wrench = self.capped(twist);
         if self.patched_ns.is_some() {

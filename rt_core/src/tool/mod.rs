@@ -9,14 +9,21 @@
 //! the transient stiffness to stay below what the device can render. Implicit Euler gives the places of the sites as an affine
 //! function of the forces.
 //!
+//! **Drift.** Nothing but inertia holds a loose piece, whose compliance is that of its inertia over one publication. It goes on with its
+//! velocity: otherwise a hand that carries it would feel its sites stay behind, and its friction would slip and be lost when the hand stops.
+//!
 //! **Floor.** The centre of the tool (the **proxy**) is `c = x + D F`: the hand `x`, the force `F` on it, and the compliance `D` that
 //! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series. On a
 //! device of six degrees of freedom the tool turns with the hand, and by the moment about `c` in the same way. With the arms `r`
 //! from `c`, two contacts then have the compliance `D - [r1] Dr [r2]` between them (`[r]`: the matrix of `r x`; `Dr`: the floor of rotation).
 //!
 //! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
-//! within half a period. A message of other sites can leave a contact without its place on the surface: the force of which this would
+//! within half a period, or 8 ms. A message of other sites can leave a contact without its place on the surface: the force of which this would
 //! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
+//!
+//! **Friction of the host.** Tick and host stick to places of their own on the material. What one of them slipped would stay between their forces
+//! for ever. A message therefore leads the friction of contacts that stick a part of the way to that of the host: by the difference of both
+//! forces at the time of the message.
 //!
 //! **Taking hold.** While the hand takes hold, what presses is held: the contact neither opens nor slips, and nothing else changes. A hand that
 //! lets go loses the force that only a held contact has within half a period, as the difference of a message. The host holds the same points. If a
@@ -29,6 +36,7 @@ mod coupling;
 mod forces;
 mod friction;
 mod normal;
+mod past;
 mod patch;
 #[cfg(test)]
 mod tests;
@@ -40,6 +48,7 @@ use crate::publication::Publication;
 use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, hold, let_go, loads, settle};
 use forces::{Turning, Yielding, solve};
 use nalgebra::UnitQuaternion;
+use past::Past;
 
 pub use contacts::Contact;
 pub use coupling::{ToolCounters, ToolCoupling, ToolCouplingConfig};
@@ -69,6 +78,13 @@ const SOFT: f64 = 3e-4;
 const SOFT_ACROSS: f64 = 3e-3;
 /// The stretch (m) of the device's stiffest spring at whose force a contact that is held comes off: 30 N at 3 kN/m.
 const GRIP: f64 = 0.01;
+/// The publication periods after which the sites of a late host drift no further.
+const DRIFTS: f64 = 3.0;
+/// The least time (s) in which the difference of a message fades, also if the next message comes sooner.
+const LEAST_FADE: f64 = 8e-3;
+/// The part of the difference between the friction of the host and of the tick that a message takes away: the rest is a hundredth after
+/// twenty messages, and no message is felt.
+const FOLLOWS: f64 = 0.2;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
 
@@ -100,7 +116,7 @@ struct SiteState {
     viscous: Vec3,
     /// The difference to the place of the message when it came (m), which fades.
     offset: Vec3,
-    /// `b v - W f0` (m).
+    /// `b v - W f0` (m), with the velocity without the drift.
     bias: Vec3,
 }
 
@@ -219,6 +235,8 @@ pub struct Tool {
     patch: Patch,
     pending: Patch,
     is_pending: bool,
+    /// The age of the newest patch in the last tick (s).
+    age: f64,
     refused: u64,
     relaxation: Relaxation,
     /// Whether no site of the patch yields.
@@ -228,6 +246,8 @@ pub struct Tool {
     places: [Vec3; MAX_SITES],
     unloaded: [Vec3; MAX_SITES],
     contacts: Contacts,
+    /// The forces of bodies.
+    past: Past,
     /// Of the searches for the nearest points of the hull and each triangle.
     seeds: [Seed; MAX_TRIANGLES],
     proxy: Option<Pose>,
@@ -263,6 +283,7 @@ impl Tool {
             patch: Patch::empty(),
             pending: Patch::empty(),
             is_pending: false,
+            age: 0.0,
             refused: 0,
             relaxation: Relaxation {
                 left: 0.0,
@@ -273,6 +294,7 @@ impl Tool {
             places: [Vec3::zeros(); MAX_SITES],
             unloaded: [Vec3::zeros(); MAX_SITES],
             contacts: Contacts::new(),
+            past: Past::NONE,
             seeds: [Seed::default(); MAX_TRIANGLES],
             proxy: None,
             offset: Offset::ZERO,
@@ -324,6 +346,16 @@ impl Tool {
         self.holds = holds;
     }
 
+    /// Tells how old the newest patch is in the next tick (s).
+    pub(super) fn see_age(&mut self, age: f64) {
+        self.age = age - self.config.period;
+    }
+
+    /// The time (s) for which the sites of a patch have drifted, if it is the newest.
+    fn drift_time(&self, patch: &PatchHead) -> f64 {
+        self.age.max(0.0).min(DRIFTS * patch.period)
+    }
+
     /// Tells that the host knew of the hold in the step of the patch that was accepted last.
     pub(super) fn expect_hold(&mut self) {
         self.is_hold_known = true;
@@ -352,9 +384,8 @@ impl Tool {
         if sites.any(|(at, site)| yields(at) && site.force != Vec3::zeros()) {
             return false;
         }
-        let is_on_body =
-            |contact: &Contact| contact.corners.iter().any(|at| yields(usize::from(*at)));
-        let_go(&mut self.contacts, is_on_body)
+        let compliance = &self.patch.compliance;
+        let_go(&mut self.contacts, |contact| contact.yields(compliance))
     }
 
     /// One tick with the hand at a pose. Returns the wrench on the hand, the moment about the centre of the tool.
@@ -365,7 +396,9 @@ impl Tool {
             self.is_pending = false;
             self.come_back();
             self.switch();
+            self.follow();
         }
+        self.age += self.config.period;
         if self.let_go() {
             is_carried = true;
             self.fade_again();
@@ -375,12 +408,41 @@ impl Tool {
             hold(&mut self.contacts, &self.patch.compliance, softness, radius);
         }
         self.move_to(hand);
+        self.past.push(self.force_of_bodies());
         if is_carried {
             self.carry(&was.plus(&self.contact_wrench().scaled(-1.0)));
         }
         let wrench = self.wrench();
         self.change = self.felt(&wrench.plus(&was.scaled(-1.0)));
         wrench
+    }
+
+    /// The force of bodies on the tool (N); without that of obstacles, which a message does not have.
+    fn force_of_bodies(&self) -> Vec3 {
+        if self.is_rigid {
+            return Vec3::zeros();
+        }
+        let of_bodies = self.contacts.iter();
+        let of_bodies = of_bodies.filter(|contact| contact.yields(&self.patch.compliance));
+        of_bodies.map(Contact::force).sum()
+    }
+
+    /// Leads the friction of contacts that stick to that of the host in the new patch.
+    fn follow(&mut self) {
+        let older = self.age / self.config.period + 0.5;
+        let Some(was) = self.past.force(older as usize) else {
+            return;
+        };
+        let sites = self.patch.sites.iter();
+        let hosts: Vec3 = sites
+            .take(usize::from(self.patch.head.site_count))
+            .map(|site| -site.force)
+            .sum();
+        let missing = (hosts - was) * FOLLOWS;
+        let fraction = 1.0 / (1.0 + self.relaxation.gain);
+        for contact in &mut self.contacts {
+            contact.lead(&missing, &self.patch, fraction);
+        }
     }
 
     /// Moves the hand to a pose.
@@ -602,6 +664,8 @@ impl Tool {
         self.contacts.clear();
         (self.proxy, self.offset) = (None, Offset::ZERO);
         (self.carried, self.change) = (Wrench::zero(), 0.0);
+        self.past = Past::NONE;
+        let drift_time = self.drift_time(&self.patch.head);
         let each = self.sites.iter_mut().zip(&mut self.places);
         for ((state, place), site) in each.zip(&self.patch.sites) {
             *state = SiteState {
@@ -609,7 +673,7 @@ impl Tool {
                 bias: state.bias,
                 ..SiteState::ZERO
             };
-            *place = site.place;
+            *place = site.drifted(drift_time);
         }
         self.unloaded = self.places;
     }
@@ -689,12 +753,15 @@ impl Tool {
         let each = self.sites.iter().zip(&self.patch.sites).take(count);
         (self.bounds, self.most_offset) = (Bounds::NONE, 0.0);
         for (state, site) in each {
-            self.bounds.add(&(site.place + state.bias));
+            for time in [0.0, DRIFTS * self.patch.head.period] {
+                self.bounds.add(&(site.drifted(time) + state.bias));
+            }
             self.most_offset = self.most_offset.max(state.offset.norm());
         }
         let head = &self.patch.head;
         self.fade = 1.0;
-        self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
+        let fades = (0.5 * head.period).max(LEAST_FADE);
+        self.fade_step = (self.config.period / fades).min(0.5);
     }
 
     /// Lets the present differences fade as if they had come with a message of this tick.
@@ -711,9 +778,10 @@ impl Tool {
     /// The sites of the pending patch: those that were there where they are, and the new ones where the host has them (m).
     fn rendered(&self, kept: &[bool; MAX_SITES], count: usize) -> [Vec3; MAX_SITES] {
         let mut places = self.places;
+        let drift_time = self.drift_time(&self.pending.head);
         let each = places.iter_mut().zip(&self.pending.sites).zip(kept);
         for ((place, site), _) in each.take(count).filter(|(_, kept)| !**kept) {
-            *place = site.place;
+            *place = site.drifted(drift_time);
         }
         places
     }
@@ -722,6 +790,7 @@ impl Tool {
     fn begin_sites(&mut self, kept: &[bool; MAX_SITES], count: usize) {
         let forces = loads(&self.contacts);
         let damping = self.patch.head.damping;
+        let drift_time = self.drift_time(&self.patch.head);
         let each = self
             .sites
             .iter_mut()
@@ -730,14 +799,14 @@ impl Tool {
         for ((((state, site), row), place), kept) in each.zip(&self.places).zip(kept).take(count) {
             let pairs = row.iter().zip(&self.patch.sites).zip(&forces).take(count);
             let mut loaded = Vec3::zeros();
-            state.bias = site.velocity * damping;
+            state.bias = (site.velocity - site.drift) * damping;
             for ((block, other), force) in pairs {
                 state.bias -= block * other.force;
                 loaded += block * force;
             }
             if *kept {
                 state.stretch = loaded + state.bias - state.viscous;
-                state.offset = place - (site.place + state.stretch);
+                state.offset = place - (site.drifted(drift_time) + state.stretch);
             } else {
                 (state.viscous, state.offset) = (Vec3::zeros(), Vec3::zeros());
                 state.stretch = loaded + state.bias;
@@ -759,7 +828,7 @@ impl Tool {
                 state.stretch -= nearest.viscous;
                 state.offset = nearest.offset;
             }
-            *place = site.place + state.stretch + state.offset;
+            *place = site.drifted(drift_time) + state.stretch + state.offset;
         }
     }
 
@@ -787,10 +856,11 @@ impl Tool {
         let Relaxation { left, gain } = self.relaxation;
         let mut free = [Vec3::zeros(); MAX_SITES];
         let count = usize::from(self.patch.head.site_count);
+        let drift_time = self.drift_time(&self.patch.head);
         let each = self.sites.iter().zip(&self.patch.sites);
         for (free, (state, site)) in free.iter_mut().zip(each).take(count) {
             let stretch = state.bias - state.viscous * left + state.stretch * gain;
-            *free = site.place + state.offset * self.fade + stretch / (1.0 + gain);
+            *free = site.drifted(drift_time) + state.offset * self.fade + stretch / (1.0 + gain);
         }
         free
     }
@@ -834,9 +904,10 @@ impl Tool {
     fn relax(&mut self, places: &[Vec3; MAX_SITES]) {
         let Relaxation { left, gain } = self.relaxation;
         let count = usize::from(self.patch.head.site_count);
+        let drift_time = self.drift_time(&self.patch.head);
         let each = self.sites.iter_mut().zip(&self.patch.sites).zip(places);
         for ((state, site), place) in each.take(count) {
-            let stretch = place - site.place - state.offset * self.fade;
+            let stretch = place - site.drifted(drift_time) - state.offset * self.fade;
             state.viscous = state.viscous * left + (stretch - state.stretch) * gain;
             state.stretch = stretch;
         }

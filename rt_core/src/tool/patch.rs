@@ -16,6 +16,8 @@ pub struct Site {
     pub place: Vec3,
     /// Velocity over the last step of the host (m/s).
     pub velocity: Vec3,
+    /// The part of the velocity that inertia keeps (m/s): that of a piece which nothing but inertia holds. The point goes on with it.
+    pub drift: Vec3,
     /// Force of the tool on the body at this point (N), in the host's step.
     pub force: Vec3,
 }
@@ -27,13 +29,19 @@ impl Site {
             vertex: 0,
             place: Vec3::zeros(),
             velocity: Vec3::zeros(),
+            drift: Vec3::zeros(),
             force: Vec3::zeros(),
         }
     }
 
     fn is_finite(&self) -> bool {
-        let each = [&self.place, &self.velocity, &self.force];
+        let each = [&self.place, &self.velocity, &self.drift, &self.force];
         each.iter().all(|v| v.iter().all(|x| x.is_finite()))
+    }
+
+    /// The place (m) to which the point has drifted in a time (s).
+    pub(super) fn drifted(&self, time: f64) -> Vec3 {
+        self.place + self.drift * time
     }
 }
 

@@ -85,6 +85,8 @@ pub struct SiteCompliance {
     is_inert: Vec<bool>,
     compliance: Square,
     damping: f64,
+    /// The velocities of the sites that inertia keeps (m/s), by row.
+    drift: Vec<f64>,
 }
 
 /// A place in the list of sites.
@@ -118,6 +120,7 @@ impl SiteCompliance {
             is_inert: vec![false; 3 * sites],
             compliance: square,
             damping: 0.0,
+            drift: vec![0.0; 3 * sites],
         }
     }
 
@@ -144,6 +147,14 @@ impl SiteCompliance {
             elastic += if *is_inert { 0.0 } else { energy };
         }
         [elastic, whole]
+    }
+
+    /// The velocity (m/s) with which a site goes on by inertia: the motions of the body that inertia alone resists have it.
+    ///
+    /// # Panics
+    /// For a place that is not in the list.
+    pub fn drift(&self, site: usize) -> Vec3 {
+        Vec3::from_fn(|axis, _| self.drift[3 * site + axis])
     }
 
     /// The ratio of damping to stiffness (s), as one time: `tr(U^T C U) / tr(U^T K U)`.
@@ -190,6 +201,7 @@ impl SiteCompliance {
             }
         }
         self.combine(body);
+        self.find_drift(body);
         Ok(report)
     }
 
@@ -331,6 +343,16 @@ impl SiteCompliance {
                 let sum = if yields { sum.sum() } else { 0.0 };
                 (self.compliance[(i, j)], self.compliance[(j, i)]) = (sum, sum);
             }
+        }
+    }
+
+    /// Finds the velocities that inertia keeps, `a U^T M v`: those of a loose piece, and a part of those of an elastic motion, the smaller the
+    /// stiffer it is.
+    fn find_drift(&mut self, body: &Body) {
+        let (nodes, (a, _)) = (self.nodes, self.factors);
+        for (column, drift) in self.drift.iter_mut().enumerate() {
+            let shape = &self.shapes[column * nodes..(column + 1) * nodes];
+            *drift = a * weighted(shape, &body.state.v, &body.model.mass);
         }
     }
 

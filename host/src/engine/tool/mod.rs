@@ -243,7 +243,7 @@ impl HostTool {
         let used = self.slots.iter().rposition(Option::is_some);
         self.patch.head.site_count = used.map_or(0, |last| last + 1) as u8;
         for (slot, (site, vertex)) in self.patch.sites.iter_mut().zip(&self.slots).enumerate() {
-            (site.force, site.velocity) = (Vec3::zeros(), Vec3::zeros());
+            (site.force, site.velocity, site.drift) = Default::default();
             let Some(vertex) = vertex else {
                 // A place without a site is far away, and no triangle has it.
                 site.vertex = u32::MAX;
@@ -297,6 +297,11 @@ impl HostTool {
             let found = compliance.energies(&|slot| {
                 on_body(&self.slots[slot]).map_or_else(Vec3::zeros, |_| sites[slot].force)
             });
+            for (slot, (site, vertex)) in self.patch.sites.iter_mut().zip(&self.slots).enumerate() {
+                if on_body(vertex).is_some() {
+                    site.drift = compliance.drift(slot);
+                }
+            }
             energies = [energies[0] + found[0], energies[1] + found[1]];
             for (one, row) in self.patch.compliance.iter_mut().enumerate() {
                 for (other, block) in row.iter_mut().enumerate() {

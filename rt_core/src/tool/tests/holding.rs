@@ -104,6 +104,7 @@ fn a_message_about_a_held_surface_changes_nothing() {
                 if torn && tick > 400 {
                     new.head.epoch = 1 + tick / 400;
                 }
+                tool.see_age(4.0 * PERIOD);
                 tool.accept(&new).unwrap();
             }
             let force = tool.push(&at);

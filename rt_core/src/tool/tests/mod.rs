@@ -1,6 +1,7 @@
 //! The law of a tool against analytic results: grooves, edges, the floor, friction, and messages that change nothing.
 
 mod holding;
+mod loose;
 mod shapes;
 mod turning;
 
@@ -228,6 +229,7 @@ fn a_message_that_tells_nothing_new_changes_nothing() {
             if tick % 16 == 0 && tick > 4 {
                 let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
                 new.head.period = 0.016;
+                tool.see_age(4.0 * PERIOD);
                 tool.accept(&new).unwrap();
             }
             let force = tool.push(&hand);

@@ -179,6 +179,7 @@ fn messages_that_tell_nothing_new_change_no_moment() {
             if tick % 16 == 0 && tick > 4 {
                 let mut new = after(&patch, &sent[tick as usize - 4], 2 + u64::from(tick));
                 new.head.period = 0.016;
+                tool.see_age(4.0 * PERIOD);
                 tool.accept(&new).unwrap();
             }
             let wrench = tool.tick(&pose);
