@@ -7,3 +7,4 @@
 
 pub mod rig;
 pub mod solve;
+pub mod watched;

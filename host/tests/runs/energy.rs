@@ -1,17 +1,15 @@
 //! The energy account in whole runs: it equals the work at the devices, a cap without cause changes nothing, and every
 //! trip is reported.
 
-use host::run::prepare::{Options, Prepared};
-use host::run::session::Session;
 use host::run::summary::RunSummary;
-use host::run::{Clock, RunOptions, run};
+use host::run::{Clock, RunOptions};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
-use rt_core::Vec3;
-use runner::link::LogRecord;
+use rt_core::{Telemetry, Vec3};
 use sim::DeviceModel;
 use std::collections::BTreeMap;
 use std::error::Error;
+use support::watched;
 
 const STRETCH: &str = include_str!("../../scenes/stretch.toml");
 
@@ -26,24 +24,18 @@ fn with(text: &str, changes: &[(&str, &str)]) -> Result<LoadedScene, Box<dyn Err
 }
 
 fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Error>> {
+    Ok(seen(scene, duration)?.0)
+}
+
+/// The summary of a run, and the force on every hand in every tick.
+fn seen(scene: &LoadedScene, duration: f64) -> Result<(RunSummary, Vec<Vec3>), Box<dyn Error>> {
     let options = RunOptions {
         duration: Some(duration),
         ..RunOptions::new(Clock::Virtual)
     };
-    Ok(run(&World::new(scene).unwrap(), &options, &mut |_| {})?)
-}
-
-/// The force on every hand in every tick.
-fn forces(scene: &LoadedScene, duration: f64) -> Result<Vec<Vec3>, Box<dyn Error>> {
-    let built = Prepared::new(&World::new(scene).unwrap(), &Options::new(duration, 1))?;
-    let mut forces = Vec::new();
-    let sink = |record: LogRecord<'_>| {
-        if let LogRecord::Tick(telemetry) = record {
-            forces.extend(telemetry.devices().map(|device| device.wrench.force));
-        }
-    };
-    Session::of(built).run(sink);
-    Ok(forces)
+    let (summary, ticks) = watched::ticks(&World::new(scene)?, &options)?;
+    let each = ticks.iter().flat_map(Telemetry::devices);
+    Ok((summary, each.map(|device| device.wrench.force).collect()))
 }
 
 fn rms(forces: impl Iterator<Item = Vec3>) -> f64 {
@@ -65,7 +57,7 @@ fn without_faults_the_cap_changes_the_force_by_less_than_a_hand_can_notice()
         let named = format!("scheme = \"{scheme}\"");
         let linear = [("scheme = \"capped\"", named.as_str())];
         let scene = with(STRETCH, &[&healthy[..], &linear[..]].concat())?;
-        forces(&scene, 6.0)
+        Ok::<_, Box<dyn Error>>(seen(&scene, 6.0)?.1)
     };
     let (linear, capped) = (of("linear")?, of("capped")?);
     assert_eq!(linear.len(), 2 * 6000);
@@ -83,7 +75,7 @@ fn the_work_of_the_hands_is_the_work_taken_by_the_motors() -> Result<(), Box<dyn
     for scheme in ["hold", "linear", "classic", "capped"] {
         let named = format!("scheme = \"{scheme}\"");
         let scene = with(STRETCH, &[("scheme = \"capped\"", &named)])?;
-        let found = summary(&scene, 6.0)?;
+        let (found, forces) = seen(&scene, 6.0)?;
         let motors: f64 = found.devices.iter().filter_map(|d| d.motor_work).sum();
         let port: f64 = found.devices.iter().filter_map(|d| d.port_work).sum();
         // At the port the work lacks the losses of the mechanisms. The cap relies on two fifths of them at most; the
@@ -96,7 +88,6 @@ fn the_work_of_the_hands_is_the_work_taken_by_the_motors() -> Result<(), Box<dyn
         let supplied: f64 = found.energy.iter().map(|body| body.supplied).sum();
         // Encoders have an error of at most half a count, so every change of the force changes the work by that
         // displacement. The account does not yet contain the last tick, of some newtons at some centimetres a second.
-        let forces = forces(&scene, 6.0)?;
         let changes = forces
             .iter()
             .zip(&forces[2..])

@@ -13,6 +13,8 @@ use rt_core::{Telemetry, Vec3};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
+use support::watched;
 
 fn scene(name: &str) -> LoadedScene {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
@@ -38,6 +40,9 @@ fn coarse() -> LoadedScene {
     changed(&[("[12, 12, 6]", "[8, 8, 4]")])
 }
 
+/// The ticks of that scene.
+static COARSE: LazyLock<Vec<Telemetry>> = LazyLock::new(|| ticks(&coarse(), 4.0));
+
 fn ticks(loaded: &LoadedScene, duration: f64) -> Vec<Telemetry> {
     let world = World::new(loaded).unwrap();
     let mut session = Session::new(&world, &Options::new(duration, 1)).unwrap();
@@ -53,7 +58,7 @@ const EVERY_TICK: [(&str, &str); 3] = [
 
 #[test]
 fn a_ball_feels_the_block_that_it_meets() {
-    let run = ticks(&shipped(), 4.0);
+    let run = &*COARSE;
     // Nothing is felt in the air, before the block and after it.
     for tick in run[..300].iter().chain(&run[3500..]) {
         assert_eq!(tick.devices[0].wrench.force.norm(), 0.0, "{}", tick.tick);
@@ -104,7 +109,7 @@ fn a_ball_on_facets_larger_than_itself_is_felt_late_as_in_every_tick() {
 
 /// The ball of the shipped scene, and another one beside it on a device of its own.
 fn two_balls() -> LoadedScene {
-    let text = shipped().source.text;
+    let text = coarse().source.text;
     let (block, ball) = text.split_at(text.find("[[tool]]").unwrap());
     let other = ball
         .replace("\"ball\"", "\"other\"")
@@ -147,8 +152,7 @@ fn a_ball_on_a_block_whose_host_stalls_is_held() {
         );
     }
     // It goes on along the surface that it knows, and returns to that of the host.
-    let undisturbed = ticks(&world_scene, 2.5);
-    let last = undisturbed[2400].devices[0].wrench.force;
+    let last = COARSE[2400].devices[0].wrench.force;
     assert!(
         (force(2400) - last).norm() < 0.2 * last.norm(),
         "{} {last}",
@@ -168,26 +172,19 @@ fn failed(
     at: f64,
     duration: f64,
 ) -> (Vec<Telemetry>, RunSummary) {
-    let world = World::new(loaded).unwrap();
-    let faults = vec![HostFault { kind, at, duration }];
-    let options = Options {
-        faults: faults.clone(),
-        ..Options::new(2.5, 1)
-    };
-    let mut session = Session::new(&world, &options).unwrap();
-    let run = std::iter::from_fn(|| session.tick()).collect();
     let options = RunOptions {
         duration: Some(2.5),
-        faults,
+        faults: vec![HostFault { kind, at, duration }],
         ..RunOptions::new(Clock::Virtual)
     };
-    (run, host::run::run(&world, &options, &mut |_| {}).unwrap())
+    let (summary, run) = watched::ticks(&World::new(loaded).unwrap(), &options).unwrap();
+    (run, summary)
 }
 
 /// The tick uses no patch that is spoilt, and holds the ball on the surface that it knows.
 #[test]
 fn a_ball_feels_nothing_of_patches_that_are_spoilt() {
-    let undisturbed = ticks(&coarse(), 2.5);
+    let undisturbed = &*COARSE;
     for kind in [FaultKind::NotANumber, FaultKind::Topology] {
         let (run, summary) = failed(&coarse(), kind, 1.0, 0.5);
         let force = |at: usize| run[at].devices[0].wrench.force;
@@ -233,7 +230,7 @@ fn a_ball_whose_host_panics_fades_from_the_block() {
 
 #[test]
 fn a_run_with_a_tool_replays_exactly() {
-    let loaded = shipped();
+    let loaded = coarse();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let options = RunOptions {

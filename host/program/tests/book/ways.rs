@@ -28,6 +28,9 @@ use Way::{Against, Arguments, Changed, Emulated, Served, Serving, Watching, With
 /// What a quick form of a study of many cells is in a test.
 const CELLS: &str = "--quick --shard 1/100";
 
+/// One run of each cell of the page's own scene, and on fewer cells of its mesh.
+const COARSE: &str = "--runs 1 --schemes capped --set 'body[block].mesh.box.cells=[4, 4, 3]'";
+
 /// The commands, without comments.
 pub(super) const WAYS: &[(&str, Way)] = &[
     // Real devices, and emulated ones on the buses of the kernel.
@@ -176,6 +179,19 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         "palpate run host/scenes/sheet_on_sphere.toml",
         With("--duration 0.2"),
     ),
+    ("palpate run host/scenes/cloth.toml", With("--duration 1")),
+    (
+        "palpate run ../host/scenes/plate.toml --duration 2.4 --log plate.mcap --log-frames 25",
+        With("--set 'body[block].mesh.box.cells=[5, 5, 3]'"),
+    ),
+    (
+        "palpate solve host/scenes/twist.toml --vtu out",
+        Arguments("the guide has the command with `--plot`, and that one runs"),
+    ),
+    (
+        "palpate compare my_scene.toml --fault stall@1.5+0.5",
+        With("--duration 2.1"),
+    ),
     ("palpate stress faults", With(CELLS)),
     ("palpate stress faults my_device.toml", With(CELLS)),
     ("palpate stress connections", With(CELLS)),
@@ -204,19 +220,16 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ("palpate stress scene", With("--runs 1 --schemes capped")),
     (
         "palpate stress scene my_scene.toml --plot scene.svg",
-        With("--runs 1 --schemes capped"),
+        With(COARSE),
     ),
-    (
-        "palpate stress scene my_scene.toml --rate 90",
-        With("--runs 1 --schemes capped"),
-    ),
+    ("palpate stress scene my_scene.toml --rate 90", With(COARSE)),
     (
         "palpate stress scene my_scene.toml --trouble stalls",
-        With("--runs 1 --schemes capped"),
+        With(COARSE),
     ),
     (
         "palpate stress scene my_scene.toml --rate 60,90 --trouble nothing,all --runs 40",
-        Changed(&[("--runs 40", "--runs 1 --schemes capped")]),
+        Changed(&[("--runs 40", COARSE)]),
     ),
     (
         "palpate stress scene host/scenes/press.toml",

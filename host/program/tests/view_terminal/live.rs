@@ -4,9 +4,20 @@ use super::PROGRAM;
 use super::tmux::{Terminal, dots, signal, until};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread;
 
 /// The clocks of a run, as options.
 const CLOCKS: [&str; 2] = ["--clock real", "--clock virtual"];
+
+/// Runs a test under each clock, side by side: a test mostly waits for its run.
+fn under_each_clock(test: impl Fn(&str) + Sync) {
+    thread::scope(|scope| {
+        for clock in CLOCKS {
+            let test = &test;
+            scope.spawn(move || test(clock));
+        }
+    });
+}
 
 /// Starts a run with its display.
 fn run(options: &str) -> Option<Terminal> {
@@ -95,7 +106,7 @@ impl Drop for Background {
 
 #[test]
 fn ctrl_c_ends_the_run_in_order() {
-    for clock in CLOCKS {
+    under_each_clock(|clock| {
         let Some(terminal) = run(&format!("{clock} --duration 1000")) else {
             return;
         };
@@ -114,12 +125,12 @@ fn ctrl_c_ends_the_run_in_order() {
             "{clock}:\n{screen}"
         );
         assert!(!socket.exists(), "{clock}");
-    }
+    });
 }
 
 #[test]
 fn a_closed_terminal_ends_a_watched_run_in_order() {
-    for clock in CLOCKS {
+    under_each_clock(|clock| {
         let Some(terminal) = run(&format!("{clock} --duration 1000 --json run.json")) else {
             return;
         };
@@ -131,7 +142,7 @@ fn a_closed_terminal_ends_a_watched_run_in_order() {
         until("the run has ended", || !is_alive(process));
         let summary: serde_json::Value = serde_json::from_str(&terminal.read("run.json")).unwrap();
         assert_eq!(summary["tick"]["stopped"], true, "{clock}");
-    }
+    });
 }
 
 #[test]
@@ -222,7 +233,7 @@ fn lines_stop_and_arm_the_devices_after_the_display_has_ended() {
 
 #[test]
 fn q_closes_the_display_and_the_run_goes_on() {
-    for clock in CLOCKS {
+    under_each_clock(|clock| {
         let Some(terminal) = run(&format!("{clock} --duration 6")) else {
             return;
         };
@@ -237,12 +248,12 @@ fn q_closes_the_display_and_the_run_goes_on() {
             screen.contains("  ticks      6000 at"),
             "{clock}:\n{screen}"
         );
-    }
+    });
 }
 
 #[test]
 fn a_killed_display_does_not_end_the_run() {
-    for clock in CLOCKS {
+    under_each_clock(|clock| {
         let Some(terminal) = run(&format!("{clock} --duration 6")) else {
             return;
         };
@@ -257,12 +268,12 @@ fn a_killed_display_does_not_end_the_run() {
             screen.contains("  ticks      6000 at"),
             "{clock}:\n{screen}"
         );
-    }
+    });
 }
 
 #[test]
 fn a_stopped_display_is_killed_after_the_run() {
-    for clock in CLOCKS {
+    under_each_clock(|clock| {
         let Some(terminal) = run(&format!("{clock} --duration 5")) else {
             return;
         };
@@ -275,7 +286,7 @@ fn a_stopped_display_is_killed_after_the_run() {
             "{clock}:\n{screen}"
         );
         assert!(!is_alive(display), "{clock}");
-    }
+    });
 }
 
 #[test]

@@ -23,11 +23,17 @@ fn cell(rate: f64, trouble: Trouble) -> u64 {
 }
 
 fn outcome(study: &Study, cell: u64, scheme: SchemeName) -> Outcome {
-    let (draw, reference, runs) = study.traces(cell, &[scheme]).expect("it runs");
+    let [outcome] = outcomes(study, cell, [scheme]);
+    outcome
+}
+
+/// The outcomes of a cell under several schemes, against one reference.
+fn outcomes<const N: usize>(study: &Study, cell: u64, schemes: [SchemeName; N]) -> [Outcome; N] {
+    let (draw, reference, runs) = study.traces(cell, &schemes).expect("it runs");
     // The reference is stable and passive. Its force is constant between ticks, which costs up to 1 uJ.
     assert!(reference.stillness().ripple < 1e-3);
     assert!(reference.net_energy() < 1e-6, "{}", reference.net_energy());
-    Outcome::of(&runs[0], &reference, &draw)
+    std::array::from_fn(|run| Outcome::of(&runs[run], &reference, &draw))
 }
 
 #[test]
@@ -123,8 +129,7 @@ fn a_model_in_every_tick_without_latency_renders_the_reference() {
 fn a_held_force_generates_energy_and_a_linear_model_none() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
     let cell = cell(20.0, Trouble::Nothing);
-    let held = outcome(&study, cell, SchemeName::Hold);
-    let linear = outcome(&study, cell, SchemeName::Linear);
+    let [held, linear] = outcomes(&study, cell, [SchemeName::Hold, SchemeName::Linear]);
     // Under `hold` the net energy at 20 Hz is of the order of joules.
     assert!(!held.bounded && held.net_energy > 0.1, "{held:?}");
     assert!(linear.bounded && linear.net_energy < 1e-3, "{linear:?}");

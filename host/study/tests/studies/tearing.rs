@@ -1,6 +1,8 @@
 //! The quick parts of the study of tearing against fracture mechanics.
 
+use std::sync::LazyLock;
 use study::Level;
+use study::tearing::energy::Account;
 use study::tearing::patterns::{Pattern, Triangles};
 use study::tearing::{edits, energy, kinks, meshes, notches, running, smooth, strength, trousers};
 
@@ -89,7 +91,7 @@ fn swapped_hands_tear_trousers_along_the_same_path() {
     let drift = [1.0, -1.0].map(|up| {
         let case = trousers::Case {
             triangles: Triangles::Pattern(Pattern::Scattered(7)),
-            count: 700,
+            count: 400,
             thickness: 2e-3,
             rate: 250.0,
             up,
@@ -119,9 +121,12 @@ fn a_tear_runs_through_a_strip_at_the_displacement_at_which_it_starts() {
     }
 }
 
+static ACCOUNTS: LazyLock<Vec<Account>> =
+    LazyLock::new(|| energy::run(Level::Quick, &|_| ()).expect("accounts"));
+
 #[test]
 fn the_account_of_a_whole_tear_closes() {
-    for account in energy::run(Level::Quick, &|_| ()).expect("accounts") {
+    for account in &*ACCOUNTS {
         // The sum of some thousand steps.
         assert!(account.rounding().abs() < 1e-6, "{account:?}");
     }
@@ -129,7 +134,7 @@ fn the_account_of_a_whole_tear_closes() {
 
 #[test]
 fn letting_go_takes_the_toughness_times_the_torn_area() {
-    for account in energy::run(Level::Quick, &|_| ()).expect("accounts") {
+    for account in &*ACCOUNTS {
         let taken = (account.released + account.slackened + account.pending) / account.due;
         // The sum of some thousand steps.
         assert!((taken - 1.0).abs() < 1e-9, "{account:?}");
