@@ -434,6 +434,8 @@ impl Controller {
                 sequence: tool.tool().sequence(),
                 age_ns: tool.age_ns(now_ns),
                 trust: tool.trust(),
+                way: tool.tool().way(),
+                reach: tool.tool().reach(),
                 proxy: tool.tool().proxy(),
                 wrench: tool.tool().wrench(),
                 withheld: tool.withheld(),

@@ -128,6 +128,10 @@ pub struct ToolTelemetry {
     pub age_ns: u64,
     /// Trust in the patch, from zero (safe hold) to one.
     pub trust: f64,
+    /// How far the tool has gone from where the host made the patch in use (m), as [`Tool::way`](crate::tool::Tool::way).
+    pub way: f64,
+    /// The distance up to which that patch has the surface beyond the tool (m); infinite before the first.
+    pub reach: f64,
     /// The pose of the tool on the surface (scene).
     pub proxy: Pose,
     /// The wrench of the surface on the tool, before the cap and the trust, the moment about the place of the tool.
@@ -148,6 +152,8 @@ impl ToolTelemetry {
             sequence: 0,
             age_ns: 0,
             trust: 0.0,
+            way: 0.0,
+            reach: f64::INFINITY,
             proxy: Pose::identity(),
             wrench: Wrench::zero(),
             withheld: Withheld::NONE,

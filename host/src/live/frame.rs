@@ -401,6 +401,8 @@ pub enum EventKind {
     WorstTick,
     /// A tear started, reached a border, or parted a sheet.
     Tear,
+    /// A tool went beyond the surface that its patch has.
+    Beyond,
 }
 
 /// An event.

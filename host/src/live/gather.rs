@@ -82,8 +82,9 @@ pub struct Gatherer {
 }
 
 /// A tool, which is shown where it is on the surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Tool {
+    name: String,
     device: usize,
     /// Its number among the obstacles.
     obstacle: usize,
@@ -130,7 +131,8 @@ impl Gatherer {
             number: 0,
             obstacles: Arc::default(),
             tools: (scene.numbered_tools())
-                .map(|(_, device, obstacle)| Tool {
+                .map(|(tool, device, obstacle)| Tool {
+                    name: tool.name.clone(),
                     device,
                     obstacle,
                     turns: (loaded.models.get(device)).is_some_and(|m| m.rotation.is_some()),
@@ -223,6 +225,17 @@ impl Gatherer {
             Change::Stale(body, words) => {
                 self.counts.stale += 1;
                 (EventKind::StaleModel, &self.body_names, body, words)
+            }
+            Change::Beyond(device) => {
+                let mut tools = self.tools.iter();
+                let tool = tools.find(|tool| tool.device == device);
+                let touch = tick.tools.get(device).copied().flatten();
+                let words = touch.and_then(|touch| touch.beyond());
+                if let (Some(tool), Some(words)) = (tool, words) {
+                    let text = format!("{}: {words}", tool.name);
+                    self.push(EventKind::Beyond, tick, text);
+                }
+                return;
             }
         };
         let text = match names.get(index) {

@@ -2,8 +2,10 @@
 
 use super::field::{Record, Visitor, fields, record};
 use super::kind::{Stamp, kind};
+use nalgebra::{Quaternion, UnitQuaternion};
+use rt_core::Vec3;
 use rt_core::publication::Publication;
-use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, Site, Triangle};
+use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch, PatchHead, Site, Triangle};
 
 /// A patch with the index of its tool's device, and the parts of the patch that are in use.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +32,12 @@ pub struct PatchRow {
     compliance: Vec<f64>,
     /// The drifts of the sites, which logs of earlier versions lack.
     drift: Vec<f64>,
+    /// Where the tool was (m; rotation w, x, y, z), and the distance up to which the patch has the surface (m); [`REACH`] numbers.
+    reach: Vec<f64>,
 }
+
+/// See [`PatchRow::reach`].
+const REACH: usize = 8;
 
 impl PatchRow {
     /// The used part of a patch for the tool of the device of this index.
@@ -56,6 +63,7 @@ impl PatchRow {
             drift: (patch.rows().iter())
                 .flat_map(|site| site.drift.iter().copied())
                 .collect(),
+            reach: reach(head),
         }
     }
 
@@ -80,6 +88,11 @@ impl PatchRow {
         (head.sequence, head.epoch, head.time_ns) = (self.sequence, self.epoch, self.time_ns);
         (head.period, head.damping, head.stiffness) = (self.period, self.damping, self.stiffness);
         head.elastic = self.elastic;
+        if let [x, y, z, w, i, j, k, reach] = self.reach[..] {
+            head.pose.position = Vec3::new(x, y, z);
+            head.pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
+            head.reach = reach;
+        }
         let floors = head.floor.iter_mut().chain(&mut head.turning_floor);
         for (to, from) in floors.zip(&self.floor) {
             *to = *from;
@@ -115,11 +128,20 @@ impl PatchRow {
         let (sites, triangles) = (self.sites.len(), self.friction.len());
         // Logs of earlier versions lack the floor of rotation.
         let is_whole = [9, 18].contains(&self.floor.len())
+            && self.reach.len() == REACH
             && self.corners.len() == 3 * triangles
             && self.compliance.len() == 9 * sites * sites
             && [0, 3 * sites].contains(&self.drift.len());
         (is_whole && sites <= MAX_SITES && triangles <= MAX_TRIANGLES).then_some(())
     }
+}
+
+/// The numbers of [`PatchRow::reach`].
+fn reach(head: &PatchHead) -> Vec<f64> {
+    let ([x, y, z], rotation) = (head.pose.position.into(), head.pose.rotation);
+    vec![
+        x, y, z, rotation.w, rotation.i, rotation.j, rotation.k, head.reach,
+    ]
 }
 
 kind! { PatchRow: "palpate_msgs/msg/Patch", Tools, |_| "/patch".to_owned(); }
@@ -141,6 +163,7 @@ record! { PatchRow: Self::new(0, &Patch::empty()), Self::check;
     "float64[] compliance # between the sites (m/N), nine numbers a block, rows first" compliance;
     "float64 elastic     # optional: fraction of the energy under the forces of the sites that is elastic" elastic: late;
     "float64[] drift      # optional: velocities of the sites that inertia keeps (m/s), three numbers each" drift: late;
+    "float64[] reach     # optional: where the tool was (x, y, z; rotation w, x, y, z), and how far beyond it the surface is told (m)" reach: late;
 }
 
 record! { Site: Self::zero();

@@ -40,6 +40,8 @@ pub struct TickRow {
     pub touch: Vec<f64>,
     /// For each tool its rotation as a quaternion (w, x, y, z) and the moment of the surface on it about its place (N m).
     pub turn: Vec<f64>,
+    /// For each tool how far it has gone from where the host made its patch, and how far beyond the tool the patch has the surface (m).
+    pub way: Vec<f64>,
 }
 
 /// See [`TickRow::touch`].
@@ -60,6 +62,9 @@ impl From<&Telemetry> for TickRow {
             patches: telemetry.tools().map(|tool| tool.sequence).collect(),
             touch: telemetry.tools().flat_map(touch).collect(),
             turn: telemetry.tools().flat_map(turn).collect(),
+            way: (telemetry.tools())
+                .flat_map(|tool| [tool.way, tool.reach])
+                .collect(),
         }
     }
 }
@@ -75,6 +80,29 @@ pub struct Touch {
     pub pose: Pose,
     /// The force of the surface on the tool (N).
     pub force: Vec3,
+    /// How far the tool has gone from where the host made the patch (m).
+    pub way: f64,
+    /// The distance up to which the patch has the surface beyond the tool (m).
+    pub reach: f64,
+}
+
+impl Touch {
+    /// Whether the tool is beyond the surface that its patch has.
+    pub fn is_beyond(&self) -> bool {
+        self.way > self.reach
+    }
+
+    /// What to tell people of a tool that is beyond the surface that its patch has; `None` of another one.
+    pub fn beyond(&self) -> Option<String> {
+        self.is_beyond().then(|| {
+            format!(
+                "beyond the surface that the host told: {:.1} mm from where its patch was made, which reaches {:.1} mm; it may meet \
+                 nothing until the next patch",
+                1e3 * self.way,
+                1e3 * self.reach
+            )
+        })
+    }
 }
 
 impl From<&ToolTelemetry> for Touch {
@@ -84,21 +112,25 @@ impl From<&ToolTelemetry> for Touch {
             contacts: tool.contacts,
             pose: tool.proxy,
             force: tool.wrench.force,
+            way: tool.way,
+            reach: tool.reach,
         }
     }
 }
 
 impl TickRow {
-    /// The tools, by device. Logs of earlier versions have no rotations.
+    /// The tools, by device. Logs of earlier versions have no rotations, and do not tell how far patches reach.
     pub fn tools(&self) -> [Option<Touch>; MAX_DEVICES] {
         let mut tools = [None; MAX_DEVICES];
         let mut turns = self.turn.as_chunks::<TURN>().0.iter();
+        let mut ways = self.way.as_chunks::<2>().0.iter();
         let mut patches = self.patches.iter();
         for [device, contacts, x, y, z, force @ ..] in self.touch.as_chunks::<TOUCH>().0 {
             let mut pose = Pose::at(Vec3::new(*x, *y, *z));
             if let Some([w, i, j, k, ..]) = turns.next() {
                 pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(*w, *i, *j, *k));
             }
+            let [way, reach] = ways.next().copied().unwrap_or([0.0, f64::INFINITY]);
             let patch = patches.next().copied().unwrap_or(0);
             if let Some(tool) = tools.get_mut(*device as usize) {
                 *tool = Some(Touch {
@@ -106,6 +138,8 @@ impl TickRow {
                     contacts: *contacts as u8,
                     pose,
                     force: (*force).into(),
+                    way,
+                    reach,
                 });
             }
         }
@@ -250,6 +284,7 @@ kind! { TickRow: "palpate_msgs/msg/Tick", Run, |_| "/tick".to_owned();
             + size_of_val(self.patches.as_slice())
             + size_of_val(self.touch.as_slice())
             + size_of_val(self.turn.as_slice())
+            + size_of_val(self.way.as_slice())
     }
 }
 
@@ -265,6 +300,7 @@ record! { TickRow: (&Telemetry::empty()).into();
     "uint64[] patches    # optional: number of the patch in use, by tool" patches: late;
     "float64[] touch     # optional: by tool: device, contacts, place (x, y, z), force on the tool (x, y, z)" touch: late;
     "float64[] turn      # optional: by tool: rotation (w, x, y, z), moment on the tool about its place (x, y, z)" turn: late;
+    "float64[] way       # optional: by tool: way since its patch was made (m), distance up to which the patch has the surface (m)" way: late;
 }
 
 impl TickRow {

@@ -3,6 +3,7 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
+use super::beyond;
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
@@ -11,6 +12,7 @@ use super::tear_force::{TearForce, TearForces};
 use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
+use crate::record::Touch;
 use crate::record::totals::{DeviceSum, DeviceTotals, place};
 use crate::scene::Scene;
 use rt_core::Telemetry;
@@ -80,6 +82,8 @@ pub(super) struct Collector {
     open: Vec<Option<(f64, &'static str)>>,
     /// By body, then by tool.
     withheld: Vec<Watch>,
+    /// By tool.
+    beyond: Vec<beyond::Watch>,
     spans: Vec<Span>,
     tears: TearEvents,
     tear_forces: TearForces,
@@ -113,6 +117,7 @@ impl Collector {
             states: vec![States::default(); device_names.len()],
             open: vec![None; device_names.len() + holders],
             withheld: vec![Watch::default(); holders],
+            beyond: vec![beyond::Watch::default(); tool_names.len()],
             spans: Vec::new(),
             tears,
             tear_forces: TearForces::new(scene),
@@ -167,6 +172,12 @@ impl Collector {
                 push_withheld(&mut self.spans, name, &stretch);
             }
         }
+        let watched = telemetry.tools().zip(&mut self.beyond);
+        for ((tool, watch), (_, name)) in watched.zip(&self.tool_names) {
+            if let Some(stretch) = watch.take(time, &Touch::from(tool)) {
+                push_beyond(&mut self.spans, name, &stretch);
+            }
+        }
         for tool in telemetry.tools() {
             let number = usize::from(tool.device);
             let device = telemetry.devices().nth(number);
@@ -216,6 +227,11 @@ impl Collector {
         for (watch, name) in self.withheld.iter().zip(holders) {
             if let Some(stretch) = watch.finish() {
                 push_withheld(&mut self.spans, name, &stretch);
+            }
+        }
+        for (watch, (_, name)) in self.beyond.iter().zip(&self.tool_names) {
+            if let Some(stretch) = watch.finish() {
+                push_beyond(&mut self.spans, name, &stretch);
             }
         }
         let kept = self
@@ -290,6 +306,16 @@ fn push_slip(spans: &mut Vec<Span>, name: &str, slip: &slips::Slip) {
 }
 
 fn push_withheld(spans: &mut Vec<Span>, name: &str, stretch: &Stretch) {
+    push_span(
+        spans,
+        stretch.from,
+        stretch.to,
+        name,
+        &stretch.description(),
+    );
+}
+
+fn push_beyond(spans: &mut Vec<Span>, name: &str, stretch: &beyond::Stretch) {
     push_span(
         spans,
         stretch.from,

@@ -1,9 +1,7 @@
 //! Opens the devices of a scene, each with the driver that it names.
-
-use super::hand;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
-use crate::world::World;
+use crate::world::{World, build_hand};
 use devices::registry::Notes;
 use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
@@ -150,7 +148,7 @@ pub fn simulated_hand(
     seed: u64,
 ) -> Result<(Option<Hand>, Vec3), SceneError> {
     let start = world.mounts[index].start;
-    Ok((hand::build(world.loaded, index, seed)?, start))
+    Ok((build_hand(world.loaded, index, seed)?, start))
 }
 
 /// The protocol of the device whose profile names it so. A profile that names none is that of a device with the firmware

@@ -1,12 +1,12 @@
 //! A run: a scene from beginning to end, under virtual time or the real clock, with its log, plot and summary.
 
+mod beyond;
 mod collect;
 mod contacts;
 mod csv;
 mod devices;
 pub mod ended;
 pub mod frames;
-mod hand;
 mod held_back;
 mod histogram;
 pub mod late;

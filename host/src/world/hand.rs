@@ -4,49 +4,58 @@ use crate::scene::spec::{self, TaskName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::Vec3;
 use sim::hand::Press;
-use sim::trajectory::Sine;
+use sim::trajectory::{Sine, TrajectoryError};
 use sim::{Hand, Task, TaskError, Trace, Trajectory, Tremor};
 use std::fmt::Display;
 
 /// Time over which a hand's sinusoids fade in (s).
 const FADE_IN: f64 = 0.5;
 
-/// The hand that holds the device number `index`; `None` if the scene gives the device no hand.
+/// The error of a part of the hand that holds the device number `index`.
+fn refuse(loaded: &LoadedScene, index: usize, part: &str, error: &dyn Display) -> SceneError {
+    let field = format!("device[{index}].hand.{part}");
+    loaded.source.problem(&field, error.to_string())
+}
+
+/// The seed of the hand that holds the device number `index`. Each hand has its own tremor and variation: the device's number makes the
+/// seed distinct. The hands beyond the fourth are told apart by the highest bits, so that the others keep their motions.
+fn own_seed(index: usize, seed: u64) -> u64 {
+    let (low, high) = (index as u64 % 4, index as u64 / 4);
+    seed.wrapping_mul(4).wrapping_add(low) ^ (high << 62)
+}
+
+/// Along minimum-jerk segments through rows of time, x, y, z.
+fn along(rows: &[[f64; 4]]) -> Result<Trajectory, TrajectoryError> {
+    let points = rows.iter().map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)));
+    Trajectory::new_waypoints(&points.collect::<Vec<_>>())
+}
+
+/// The displacements (m) and the turns (rotation vectors, rad) to which the hand that holds the device number `index` aims, in device axes;
+/// `None` if the scene gives the device no hand.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that no hand can follow.
-pub(super) fn build(
+pub(super) fn aims(
     loaded: &LoadedScene,
     index: usize,
     seed: u64,
-) -> Result<Option<Hand>, SceneError> {
+) -> Result<Option<[Trajectory; 2]>, SceneError> {
     let Some(spec) = &loaded.scene.devices[index].hand else {
         return Ok(None);
     };
-    let refuse = |part: &str, e: &dyn Display| {
-        let field = format!("device[{index}].hand.{part}");
-        loaded.source.problem(&field, e.to_string())
-    };
-    // Each hand has its own tremor and variation: the device's number makes the seed distinct. The hands beyond the
-    // fourth are told apart by the highest bits, so that the others keep their motions.
-    let (low, high) = (index as u64 % 4, index as u64 / 4);
-    let own = seed.wrapping_mul(4).wrapping_add(low) ^ (high << 62);
+    let refuse = |part: &str, e: &dyn Display| refuse(loaded, index, part, e);
     let mut parts = Vec::new();
     if let Some(name) = spec.task {
         // Hands that move together use the run's seed alone.
         let seed = match name {
             TaskName::MoveTogether => seed,
-            _ => own,
+            _ => own_seed(index, seed),
         };
         let path = task(spec, name).trajectory(seed);
         parts.push(path.map_err(|e| refuse(wrong_field(&e), &e))?);
     }
-    let along = |rows: &[[f64; 4]], field: &str| {
-        let points = rows.iter().map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)));
-        Trajectory::new_waypoints(&points.collect::<Vec<_>>()).map_err(|e| refuse(field, &e))
-    };
     if !spec.waypoints.is_empty() {
-        parts.push(along(&spec.waypoints, "waypoints")?);
+        parts.push(along(&spec.waypoints).map_err(|e| refuse("waypoints", &e))?);
     }
     if !spec.sines.is_empty() {
         let sines: Vec<_> = spec
@@ -64,6 +73,27 @@ pub(super) fn build(
         let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
         parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
     }
+    let turns = if spec.turns.is_empty() {
+        Trajectory::still()
+    } else {
+        along(&spec.turns).map_err(|e| refuse("turns", &e))?
+    };
+    Ok(Some([Trajectory::new_sum(parts), turns]))
+}
+
+/// The hand that holds the device number `index`; `None` if the scene gives the device no hand.
+///
+/// # Errors
+/// As [`aims`]; also a tremor that no hand has.
+pub(crate) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    seed: u64,
+) -> Result<Option<Hand>, SceneError> {
+    let aims = aims(loaded, index, seed)?;
+    let (Some(spec), Some([path, turns])) = (&loaded.scene.devices[index].hand, aims) else {
+        return Ok(None);
+    };
     let presses = spec.presses.iter().map(|press| Press {
         // The scene counts buttons from one, up to sixteen.
         button: press.button.saturating_sub(1) as u8,
@@ -78,16 +108,17 @@ pub(super) fn build(
         force: trace.force,
         speed: trace.speed,
     });
-    let mut hand = Hand::new(Trajectory::new_sum(parts))
+    let mut hand = Hand::new(path)
         .with_presses(presses.collect())
         .with_traces(traces.collect())
         .with_arm(spec.arm())
         .with_wrist(spec.wrist());
     if !spec.turns.is_empty() {
-        hand = hand.with_turns(along(&spec.turns, "turns")?);
+        hand = hand.with_turns(turns);
     }
     if spec.tremor > 0.0 {
-        let tremor = Tremor::new(spec.tremor, own).map_err(|e| refuse("tremor", &e))?;
+        let tremor = Tremor::new(spec.tremor, own_seed(index, seed));
+        let tremor = tremor.map_err(|e| refuse(loaded, index, "tremor", &e))?;
         return Ok(Some(hand.with_tremor(tremor)));
     }
     Ok(Some(hand))

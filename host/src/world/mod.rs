@@ -10,6 +10,7 @@ mod body;
 pub mod contact;
 mod grasp;
 pub mod groups;
+mod hand;
 mod kind;
 mod load;
 mod material;
@@ -20,6 +21,7 @@ mod notch;
 mod obstacle;
 mod port;
 mod press;
+pub(crate) mod reach;
 mod selection;
 pub mod shapes;
 mod survey;
@@ -36,6 +38,8 @@ use std::sync::{Arc, OnceLock};
 
 pub use body::{Built, Carrier};
 pub use contact::Contacts;
+pub(crate) use hand::build as build_hand;
+
 pub use grasp::{Grasp, bodies_held, freedom, grasps};
 pub use kind::{Kind, bending};
 pub use mount::Mount;
@@ -97,6 +101,8 @@ impl<'a> World<'a> {
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
         tool::check_start(loaded, &obstacles)?;
         warnings.extend(narrow::warnings(loaded, &bodies, &obstacles, &contacts));
+        let shapes = obstacles.iter().filter_map(Obstacle::rounded);
+        warnings.extend(reach::warnings(loaded, shapes));
         Ok(Self {
             loaded,
             bodies,

@@ -36,6 +36,7 @@ mod stiff;
 mod summary;
 mod threads;
 mod tool;
+mod tool_beyond;
 mod tool_ends;
 mod tool_holds;
 mod tool_shapes;

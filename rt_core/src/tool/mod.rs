@@ -637,6 +637,23 @@ impl Tool {
         self.proxy.unwrap_or(Pose::identity())
     }
 
+    /// How far the tool has gone from where it was in the host's step of the patch in use (m), with the way of the farthest corner of its hull
+    /// by its turn. Beyond [`PatchHead::reach`], it may meet a surface that the patch lacks.
+    pub fn way(&self) -> f64 {
+        let (from, to) = (&self.patch.head.pose, self.proxy());
+        let way = (to.position - from.position).norm();
+        if self.config.turns {
+            way + self.extent * angle(from, &to)
+        } else {
+            way
+        }
+    }
+
+    /// The distance up to which the patch in use has the surface beyond the tool (m); infinite before the first.
+    pub fn reach(&self) -> f64 {
+        self.patch.head.reach
+    }
+
     /// The contacts within reach.
     pub fn contacts(&self) -> &[Contact] {
         &self.contacts

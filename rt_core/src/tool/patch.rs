@@ -4,7 +4,7 @@
 //! is that of the elastic forces alone; damping is one time (`tools.md` of the designs has the figures that speak for both).
 
 use super::{MAX_SITES, MAX_TRIANGLES};
-use crate::geometry::{Mat3, Vec3};
+use crate::geometry::{Mat3, Pose, Vec3};
 use crate::publication::{Extent, Head, Packed, Publication, copy_rows};
 
 /// A material point of a surface.
@@ -65,6 +65,11 @@ pub struct PatchHead {
     pub time_ns: u64,
     /// The publication period (s).
     pub period: f64,
+    /// Where the tool was in the host's step.
+    pub pose: Pose,
+    /// The distance beyond the tool up to which the patch has the surface (m): a tool that goes farther may meet a surface that the patch
+    /// lacks.
+    pub reach: f64,
     /// The ratio of damping to stiffness (s), as one Rayleigh time.
     pub damping: f64,
     /// The fraction of the energy under the forces of the sites that is elastic (1). The rest is that of motions which nothing but inertia
@@ -93,6 +98,8 @@ impl PatchHead {
             epoch: 0,
             time_ns: 0,
             period: 1.0,
+            pose: Pose::identity(),
+            reach: f64::INFINITY,
             damping: 0.0,
             elastic: 1.0,
             stiffness: f64::INFINITY,
@@ -241,6 +248,8 @@ pub(super) fn check(patch: &impl Publication<Head = PatchHead>) -> Result<(), Pa
     let is_sound = head.period.is_finite()
         && head.period > 0.0
         && head.stiffness > 0.0
+        && head.reach >= 0.0
+        && head.pose.is_finite()
         && (0.0..=1.0).contains(&head.elastic)
         && numbers.all(|number| number.is_finite() && number >= 0.0)
         && is_finite(&head.floor)

@@ -1,7 +1,8 @@
 //! The plan of a tool: how far the host tells the surface near it, and how large a message is.
 
-use super::super::tool::{LEAST_REACH, LEAST_SPEED, REACH, horizon, stiffest};
+use super::super::tool::{stiffest, stiffest_turning};
 use crate::world::World;
+use crate::world::reach::{WAYS, horizon, reach};
 use crate::world::shapes::round;
 use rt_core::tool::{MAX_SITES, MAX_TRIANGLES, Patch};
 use std::fmt;
@@ -19,6 +20,9 @@ pub struct ToolPlan {
     pub reach_time: f64,
     /// The stiffest spring that the device renders (N/m).
     pub stiffest: f64,
+    /// The stiffest rotational spring (N m/rad), unless the tool keeps its attitude.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turning: Option<f64>,
     /// Largest size of a patch (bytes).
     pub bytes: usize,
 }
@@ -30,9 +34,10 @@ impl ToolPlan {
         let plans = scene.numbered_tools().map(|(tool, device, _)| Self {
             tool: tool.name.clone(),
             device: tool.device.clone(),
-            reach: (REACH * LEAST_SPEED * horizon(&scene.host)).max(LEAST_REACH * tool.radius),
-            reach_time: REACH * horizon(&scene.host),
+            reach: reach(horizon(&scene.host), tool.radius, 0.0),
+            reach_time: WAYS * horizon(&scene.host),
             stiffest: stiffest(world.loaded, device),
+            turning: stiffest_turning(world.loaded, device),
             bytes: size_of::<Patch>(),
         });
         plans.collect()
@@ -51,6 +56,10 @@ impl fmt::Display for ToolPlan {
             round(1e3 * self.reach_time),
             self.bytes as f64 * 1e-3,
             self.stiffest
-        )
+        )?;
+        match self.turning {
+            Some(turning) => write!(f, ", and {} N m/rad as the device turns it", round(turning)),
+            None => f.write_str("; it keeps its attitude"),
+        }
     }
 }

@@ -14,8 +14,9 @@ use super::path::HandlePath;
 use super::plan::renderable;
 use crate::scene::LoadedScene;
 use crate::scene::spec::contact::FRICTION;
-use crate::scene::spec::{Host, Scene, Tool};
+use crate::scene::spec::{Scene, Tool};
 use crate::world::World;
+use crate::world::reach::{horizon, reach};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use near::{Around, Surface, Vertex, Wall};
 use physics::contact::obstacle::TimedPose;
@@ -28,12 +29,6 @@ use rt_core::{Pose, TickRecord};
 use sites::Spread;
 use std::sync::Arc;
 
-/// The ways of the tool until the next patch, by which the surface is published beyond its radius.
-pub(super) const REACH: f64 = 2.0;
-/// The least of this reach, as a fraction of the radius.
-pub(super) const LEAST_REACH: f64 = 0.5;
-/// The speed (m/s) for which a tool at rest is told of the surface near it.
-pub(super) const LEAST_SPEED: f64 = 0.5;
 /// The fraction of the largest force of a site below which the site is not loaded.
 const LOADED: f64 = 1e-3;
 /// The force (N) of the device's stiffest spring at whose depth a tool that just touches has met all sites that count as loaded: a flat
@@ -99,11 +94,6 @@ pub(crate) fn stiffest(loaded: &LoadedScene, device: usize) -> f64 {
 pub(crate) fn stiffest_turning(loaded: &LoadedScene, device: usize) -> Option<f64> {
     let turns = loaded.models[device].rotation.is_some();
     turns.then(|| renderable(loaded)[device].turning.min(STIFFEST_TURNING))
-}
-
-/// The largest age at which a patch must be good (s).
-pub(super) fn horizon(host: &Host) -> f64 {
-    1.0 / host.publish_rate + host.latency
 }
 
 /// The obstacles that a tool can touch: all of the scene. Other tools are none.
@@ -213,14 +203,14 @@ impl HostTool {
         }
         let (hull, radius) = (self.hull, self.spec.shape.radius());
         let turning = self.path.turning().norm() * hull.extent();
-        let speed = (self.path.velocity().norm() + turning).max(LEAST_SPEED);
-        let way = REACH * speed * self.spec.horizon;
+        let speed = self.path.velocity().norm() + turning;
+        let reach = reach(self.spec.horizon, radius, speed);
         let around = Around {
             obstacle: self.spec.obstacle,
             hull: &hull,
             radius,
             centre: self.pose.position,
-            beyond: way.max(LEAST_REACH * radius),
+            beyond: reach,
             time: time_ns as f64 * 1e-9 + self.spec.horizon - 0.5 * self.spec.period,
         };
         self.surface.find(&around, &self.walls, contacts, bodies);
@@ -235,6 +225,11 @@ impl HostTool {
             let head = &mut self.patch.head;
             head.sequence += 1;
             (head.epoch, head.time_ns, head.period) = (epoch, time_ns, self.spec.period);
+            head.reach = reach;
+            head.pose = Pose {
+                position: self.pose.position,
+                rotation: self.pose.rotation,
+            };
         }
     }
 

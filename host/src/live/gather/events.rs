@@ -1,6 +1,7 @@
-//! Finds the events that ticks show: a limit of the last stage begins to act, or a model becomes too old.
+//! Finds the events that ticks show: a limit of the last stage begins to act, a model becomes too old, or a tool goes beyond what its patch has.
 
 use super::TickView;
+use rt_core::MAX_DEVICES;
 
 /// A change from one tick to the next: the index of the device or of the body, and the new state in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,6 +10,8 @@ pub(super) enum Change {
     Trip(usize, &'static str),
     /// The model of a body became too old.
     Stale(usize, &'static str),
+    /// The tool of a device went beyond the surface that its patch has.
+    Beyond(usize),
 }
 
 /// The states of the last tick.
@@ -16,6 +19,8 @@ pub(super) enum Change {
 pub(super) struct Watch {
     limits: Vec<Option<&'static str>>,
     old: Vec<bool>,
+    /// By device.
+    beyond: [bool; MAX_DEVICES],
 }
 
 impl Watch {
@@ -41,6 +46,13 @@ impl Watch {
                 changes.push(Change::Stale(index, words));
             }
             *before = now.is_some();
+        }
+        for (device, (tool, before)) in tick.tools.iter().zip(&mut self.beyond).enumerate() {
+            let now = tool.is_some_and(|tool| tool.is_beyond());
+            if now && !*before {
+                changes.push(Change::Beyond(device));
+            }
+            *before = now;
         }
         changes
     }

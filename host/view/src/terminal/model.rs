@@ -298,5 +298,6 @@ pub(super) fn kind(kind: EventKind) -> (char, &'static str) {
         EventKind::StaleModel => ('S', "stale"),
         EventKind::WorstTick => ('W', "worst"),
         EventKind::Tear => ('R', "tear"),
+        EventKind::Beyond => ('B', "beyond"),
     }
 }

@@ -14,7 +14,7 @@ const STATES = {
   hot: ["▲", "warn"], engaging: ["↻", "warn"], hands_off: ["■", "bad"], disarmed: ["■", "plain"], stopped: ["■", "bad"],
   silent: ["✕", "bad"], let_go: ["✕", "bad"], device_fault: ["✕", "bad"], not_a_number: ["✕", "bad"],
 };
-const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"], tear: ["✂", "tear"] };
+const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"], tear: ["✂", "tear"], beyond: ["○", "beyond patch"] };
 
 function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);

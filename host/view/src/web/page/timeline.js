@@ -3,7 +3,7 @@ import { onTheme, property } from "./colours.js";
 import { seconds } from "./format.js";
 import { send } from "./link.js";
 
-const MARKS = { trip: "▲", missed_deadline: "✕", stale_model: "◐", worst_tick: "◆", tear: "✂" };
+const MARKS = { trip: "▲", missed_deadline: "✕", stale_model: "◐", worst_tick: "◆", tear: "✂", beyond: "○" };
 /** Least time between two jumps while a person scrubs (ms). */
 const EVERY = 40;
 /** Least time between two drawings while the log plays (ms). */
