@@ -15,7 +15,7 @@ const LEAST: f64 = 0.5;
 /// The speed (m/s) for which a tool at rest is told of the surface near it.
 const LEAST_SPEED: f64 = 0.5;
 /// The places of a path that are looked at, from one patch to the next.
-const PLACES: usize = 8;
+const PLACES: usize = 32;
 /// The most places of a path, and the time after which none is looked at (s): tasks repeat.
 const MOST_PLACES: usize = 100_000;
 const LONGEST: f64 = 60.0;

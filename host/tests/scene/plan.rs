@@ -230,7 +230,7 @@ fn a_plan_warns_of_a_hand_that_leaves_the_surface_near_its_tool() {
     let found = "device[1].hand: found a hand that moves the tool \"other\" by ";
     let found = number_after(warning, found) / number_after(warning, "usual: up to ");
     let expected = farthest(0.12, 1.0 / 60.0 + 0.004);
-    // The path is looked at eight times from patch to patch.
+    // The path is looked at every 0.65 ms, within which the speed of 0.5 m/s changes by a twentieth.
     assert!(
         expected > 1.1 && (found / expected - 1.0).abs() < 0.03,
         "{warning} {expected}"
@@ -248,7 +248,7 @@ fn a_plan_warns_of_a_hand_that_leaves_the_surface_near_its_tool() {
 #[test]
 fn a_plan_warns_of_a_hand_that_turns_a_long_tool_too_fast() {
     let text = include_str!("../../scenes/plate.toml").replace("length = 0.03", "length = 0.2");
-    let (head, _) = text.split_at(text.find("turns").unwrap());
+    let (head, _) = text.split_at(text.find("turns = [").unwrap());
     // The hand rests while it turns, so that the corner of the plate goes by `way` (m).
     let warned = |way: f64| {
         let lever = 0.5 * (0.2_f64 - 0.008).hypot(0.02 - 0.008);
