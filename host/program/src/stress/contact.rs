@@ -4,7 +4,7 @@ use super::{CellArguments, CommandError, Declared, judged};
 use host::atomic_file::write_atomically;
 use std::path::PathBuf;
 use study::stress::Verdict;
-use study::stress::contact::{self, CELLS, Length, Study};
+use study::stress::contact::{self, Length, Study, Worlds};
 
 /// Arguments of `palpate stress contact`.
 #[derive(Clone, Debug, clap::Args)]
@@ -18,11 +18,14 @@ pub(super) struct ContactArguments {
     /// Write scene.toml of the world, as `palpate run` reads it, and the files that it names
     #[arg(long, value_name = "FOLDER", requires = "cell")]
     folder: Option<PathBuf>,
+    /// Let tools of all shapes touch bodies and obstacles, in hands that press, tap, rub, shake or loop in phase with the host
+    #[arg(long)]
+    tools: bool,
     /// Run few worlds, for a shorter time
     #[arg(long)]
     quick: bool,
     /// Run two worlds for 100,000 steps: a banknote that is crumpled, and a stack of eight sheets that is rocked
-    #[arg(long, conflicts_with_all = ["runs", "quick"])]
+    #[arg(long, conflicts_with_all = ["runs", "quick", "tools"])]
     long: bool,
     #[command(flatten)]
     cells: CellArguments,
@@ -31,20 +34,31 @@ pub(super) struct ContactArguments {
 pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
     let _held = arguments.cells.declare(Declared::default()).check()?;
     let seed = arguments.cells.seed;
-    let (length, count) = match (arguments.quick, arguments.long) {
-        (_, true) => (Length::Long, CELLS[2]),
-        (true, _) => (Length::Quick, CELLS[1]),
-        (false, false) => (Length::Whole, CELLS[0]),
+    let length = match (arguments.quick, arguments.long) {
+        (_, true) => Length::Long,
+        (true, _) => Length::Quick,
+        (false, false) => Length::Whole,
+    };
+    let worlds = if arguments.tools {
+        Worlds::Tools
+    } else {
+        Worlds::Bodies
+    };
+    let study = Study {
+        seed,
+        cells: arguments.runs.unwrap_or(contact::cells(worlds, length)),
+        worlds,
+        length,
     };
     if let Some(cell) = arguments.cell {
         if let Some(folder) = &arguments.folder {
-            let (scene, files) = contact::texts(seed, cell, length);
+            let (scene, files) = contact::texts(&study, cell);
             write_atomically(&folder.join("scene.toml"), scene.as_bytes())?;
             for (name, bytes) in files {
                 write_atomically(&folder.join(name), &bytes)?;
             }
         }
-        let found = contact::cell(seed, cell, length);
+        let found = contact::cell(&study, cell);
         outln!("{found:#?}");
         let failed = usize::from(!found.failures.is_empty());
         return judged(
@@ -55,10 +69,5 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
             1,
         );
     }
-    let cells = arguments.runs.unwrap_or(count);
-    arguments.cells.run(&Study {
-        seed,
-        cells,
-        length,
-    })
+    arguments.cells.run(&study)
 }

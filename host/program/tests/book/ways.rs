@@ -217,6 +217,7 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ("palpate stress hold", With(CELLS)),
     ("palpate stress tearing", With(CELLS)),
     ("palpate stress contact", With("--quick --runs 1")),
+    ("palpate stress contact --tools", With("--quick --runs 1")),
     ("palpate stress scene", With("--runs 1 --schemes capped")),
     (
         "palpate stress scene my_scene.toml --plot scene.svg",

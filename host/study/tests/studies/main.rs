@@ -10,6 +10,7 @@ mod stress_contact;
 mod stress_hold;
 mod stress_mounting;
 mod stress_scene;
+mod stress_tools;
 mod tearing;
 mod tearing_runs;
 mod truth;

@@ -1,6 +1,6 @@
 //! Worlds of the stress of contact that once failed: contacts or hands got energy from nowhere, or a vertex crossed.
 
-use study::stress::contact::{Length, cell};
+use study::stress::contact::{self, CellResult, Length, Study, Worlds};
 
 #[test]
 fn worlds_that_once_failed_give_no_energy_and_cross_nothing() {
@@ -48,6 +48,17 @@ fn what_is_pushed_stops_with_what_pushes_it() {
     for (seed, number) in [(23001, 13), (27001, 124)] {
         judge(seed, number, Length::Whole);
     }
+}
+
+/// Runs a world of bodies.
+fn cell(seed: u64, number: u64, length: Length) -> CellResult {
+    let study = Study {
+        seed,
+        cells: number + 1,
+        worlds: Worlds::Bodies,
+        length,
+    };
+    contact::cell(&study, number)
 }
 
 fn judge(seed: u64, number: u64, length: Length) {

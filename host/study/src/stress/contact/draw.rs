@@ -2,9 +2,9 @@
 //! host and the devices.
 
 use super::shapes::{Kind, Obstacle};
+use super::trouble::Troubles;
 use crate::chance::Chance;
-use crate::stress::scene::draw::{Draw as Host, Span};
-use sim::Fault;
+use crate::stress::scene::draw::Draw as Host;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -69,40 +69,6 @@ pub(super) struct Laid {
     held: [bool; 2],
 }
 
-/// What troubles a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Trouble {
-    Nothing,
-    Loss,
-    Late,
-    Dropped,
-    All,
-}
-
-impl Trouble {
-    const ALL: [Self; 5] = [
-        Self::Nothing,
-        Self::Loss,
-        Self::Late,
-        Self::Dropped,
-        Self::All,
-    ];
-
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Nothing => "nothing",
-            Self::Loss => "loss of a device",
-            Self::Late => "late host",
-            Self::Dropped => "dropped messages",
-            Self::All => "all",
-        }
-    }
-
-    fn includes(self, other: Self) -> bool {
-        self == other || self == Self::All
-    }
-}
-
 /// A world.
 #[derive(Clone, Debug)]
 pub(super) struct Draw {
@@ -117,13 +83,7 @@ pub(super) struct Draw {
     rates: [f64; 2],
     /// Latency of the host (s).
     latency: f64,
-    pub(super) trouble: Trouble,
-    pub(super) stalls: Vec<Span>,
-    /// The largest delay beyond the latency, as a fraction of latency and period; the fractions of models and of records that
-    /// are lost.
-    losses: [f64; 3],
-    /// The device that is lost, how, and when.
-    pub(super) loss: Option<(usize, Fault, Span)>,
+    pub(super) troubles: Troubles,
     duration: f64,
     seed: u64,
 }
@@ -134,8 +94,7 @@ impl Draw {
         let chance = Chance::new(seed, cell);
         let unit = |name: &str| chance.of(name).unit(0);
         let between = |name: &str, low: f64, high: f64| chance.of(name).between(0, low, high);
-        // The faults follow the number of the cell in turn.
-        let trouble = Trouble::ALL[(cell % Trouble::ALL.len() as u64) as usize];
+        let troubles = Troubles::new(chance, cell, duration, 2);
         let (mut obstacles, mut top) = Obstacle::below(chance, duration);
         let mut bodies = Vec::new();
         let count = [1, 2, 2, 3, 3, 4][(6.0 * unit("bodies")) as usize];
@@ -189,24 +148,6 @@ impl Draw {
         });
         let step_rate = [125.0, 250.0, 250.0, 500.0][(4.0 * unit("step rate")) as usize];
         let every = [1.0, 2.0, 4.0][(3.0 * unit("every")) as usize];
-        let late = trouble.includes(Trouble::Late);
-        let lossy = trouble.includes(Trouble::Dropped);
-        let lost = |number| {
-            if lossy {
-                chance.of("losses").between(number, 0.0, 0.5)
-            } else {
-                0.0
-            }
-        };
-        let span = |name: &str, number: u64, longest: f64| {
-            let of = chance.of(name);
-            Span {
-                at: duration * of.between(2 * number, 0.1, 0.8),
-                duration: of.between(2 * number + 1, 0.01, longest),
-            }
-        };
-        let stalls = (0..2).map(|number| span("stall", number, 0.15));
-        let kinds = [Fault::Vanished, Fault::Gone, Fault::LetsGo];
         Self {
             bodies,
             pairs,
@@ -214,19 +155,12 @@ impl Draw {
             weight: unit("weight") < 0.7,
             hands,
             rates: [step_rate, step_rate / every],
-            latency: if late {
+            latency: if troubles.is_late() {
                 between("latency", 2e-3, 0.02)
             } else {
                 1e-3
             },
-            trouble,
-            stalls: stalls.filter(|_| late).collect(),
-            losses: [0, 1, 2].map(lost),
-            loss: trouble.includes(Trouble::Loss).then(|| {
-                let device = (2.0 * unit("lost")) as usize;
-                let kind = kinds[(3.0 * unit("how")) as usize];
-                (device, kind, span("loss", 0, 0.4 * duration))
-            }),
+            troubles,
             duration,
             seed: 1 + (unit("seed") * 1e6) as u64,
         }
@@ -234,13 +168,7 @@ impl Draw {
 
     /// The host, with the losses of its link.
     pub(super) fn host(&self) -> Host {
-        let [jitter, models_lost, records_lost] = self.losses;
-        Host {
-            jitter,
-            models_lost,
-            records_lost,
-            ..Host::untroubled(self.rates[1], self.latency)
-        }
+        self.troubles.host(self.rates[1], self.latency)
     }
 
     /// The files that the scene names.

@@ -1,10 +1,10 @@
 //! Judges the run of a world: the rules that it must keep.
 
+use super::felt::Felt;
 use crate::contact::crossings::crossings;
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::engine::contact::Contact;
-use host::engine::stats::EngineStats;
 use host::world::World;
 use host::world::contact::Thing;
 use physics::contact::Obstacle;
@@ -13,6 +13,7 @@ use physics::contact::shape::Shape;
 use physics::motion::contacts::Side;
 use physics::{Body, Vec3};
 use rt_core::Telemetry;
+use rt_core::tool::ToolCoupling;
 use runner::TickLoop;
 
 /// The largest net energy of the hands (J).
@@ -74,6 +75,8 @@ pub(super) struct Judge<'a> {
     /// The most work of obstacles and of partings so far (J); the largest work on the hands beyond it.
     driven: f64,
     beyond: f64,
+    /// What the hands felt with tools.
+    pub(super) felt: Felt<'a>,
     /// The sum of the magnitudes of all work (J).
     moved: f64,
     before: [f64; 2],
@@ -86,6 +89,8 @@ pub(super) struct Judge<'a> {
     leaves: bool,
     infinite: Option<u64>,
     crossed: Option<(u64, String)>,
+    /// Patches that the tick refused because of their contents.
+    pub(super) refused: u64,
     faults: u64,
     first_fault: Option<String>,
     panicked: Option<String>,
@@ -109,6 +114,7 @@ impl<'a> Judge<'a> {
             lowest: bodies().map(Body::load_potential).sum(),
             driven: 0.0,
             beyond: 0.0,
+            felt: Felt::new(world),
             moved: 0.0,
             before: [0.0; 2],
             given: 0.0,
@@ -118,6 +124,7 @@ impl<'a> Judge<'a> {
             leaves: false,
             infinite: None,
             crossed: None,
+            refused: 0,
             faults: 0,
             first_fault: None,
             panicked: None,
@@ -142,6 +149,7 @@ impl<'a> Judge<'a> {
         {
             is_finite &= self.step(engine, telemetry.tick);
         }
+        self.felt.see(telemetry);
         // A sum that is NaN counts as infinite.
         let beyond = work - self.driven;
         self.beyond = if beyond.is_nan() {
@@ -182,7 +190,10 @@ impl<'a> Judge<'a> {
         self.counts.touched += u64::from(!contact.contacts().touching().is_empty());
         self.counts.truncated += u64::from(report.truncated.truncated > 0);
         let by_obstacles = totals.by_obstacles + totals.parted;
-        self.driven = self.driven.max(by_obstacles);
+        // The obstacles of a world of tools stand, and what moves its tools are the hands.
+        if self.world.loaded.scene.tools.is_empty() {
+            self.driven = self.driven.max(by_obstacles);
+        }
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
         self.given = self.given.max(-totals.taken - totals.stopped);
@@ -232,7 +243,7 @@ impl<'a> Judge<'a> {
                     let count = from.len().min(x.len());
                     x[..count].copy_from_slice(&from[..count]);
                 }
-                Side::Obstacle(number) => place(&self.world.obstacles[*number], time, x),
+                Side::Obstacle(number) => place(contacts.obstacle(*number), time, x),
             }
         }
         let name = |part: usize| thing(sides[part]).name(&self.world.loaded.scene).to_owned();
@@ -268,7 +279,7 @@ impl<'a> Judge<'a> {
             let [Thing::Body(body), Thing::Obstacle(number)] = pair.between else {
                 continue;
             };
-            let obstacle = &self.world.obstacles[number];
+            let obstacle = contacts.obstacle(number);
             if matches!(
                 obstacle.geometry(),
                 Geometry::Mesh(_) | Geometry::Shape(Shape::Box { .. })
@@ -278,6 +289,13 @@ impl<'a> Judge<'a> {
             let Some(part) = sides.iter().position(|side| *side == Side::Body(body)) else {
                 continue;
             };
+            if let Some(tool) = obstacle.rounded() {
+                let triangles = surfaces.parts[part].triangles.clone();
+                let triangles = triangles.map(|triangle| {
+                    surfaces.triangles[triangle as usize].map(|corner| &self.x[corner as usize])
+                });
+                self.felt.touches(tool, &obstacle.pose(time), triangles);
+            }
             let vertices = surfaces.parts[part].edges.clone();
             let vertices = vertices.flat_map(|edge| surfaces.edges[edge as usize]);
             for vertex in vertices {
@@ -299,7 +317,12 @@ impl<'a> Judge<'a> {
     }
 
     /// Ends the run.
-    pub(super) fn end(&mut self, engine: &Engine, stats: &EngineStats, panicked: Option<String>) {
+    pub(super) fn end(&mut self, tick: &TickLoop, engine: &Engine, panicked: Option<String>) {
+        let stats = engine.stats();
+        let counters = tick.controller.tools().map(ToolCoupling::counters);
+        self.refused = counters
+            .map(|counts| counts.not_finite + counts.wrong_sites)
+            .sum();
         (self.faults, self.first_fault) = (stats.faults, stats.first_fault.clone());
         self.counts.unconverged = stats.unconverged;
         self.counts.opened = stats.tears.iter().map(|report| report.opened).sum();
@@ -336,6 +359,7 @@ impl<'a> Judge<'a> {
         if let Some((tick, crossed)) = &self.crossed {
             found.push(format!("{crossed} in tick {tick}"));
         }
+        found.extend(self.felt.failures());
         let net = self.net_energy();
         if net.is_nan() || net > NET_ENERGY {
             found.push(format!(
@@ -364,6 +388,9 @@ impl<'a> Judge<'a> {
                 "{} faults of the host; the first: {first}",
                 self.faults
             ));
+        }
+        if self.refused > 0 {
+            found.push(format!("the tick refused {} patches", self.refused));
         }
         if let Some(panic) = &self.panicked {
             found.push(format!("the host panicked: {panic}"));

@@ -14,21 +14,29 @@
 //!   that a tick sees: what a late host makes up for in one tick is left out.
 //! - Both runs are equal to the byte.
 //!
+//! In worlds of tools (`tools`) hands press, tap, rub and shake tools, or run round loops in phase with the host (`strokes`). Beside
+//! the rules above, which hold for them, the study measures what the hands felt (`felt`), and fails if a tool passed through a surface,
+//! if its law gave a force that no spring of its device could give, or if the tick refused a patch. A share of these worlds runs twice.
+//!
 //! Instead of random worlds, the study may run two worlds for 100,000 steps (`long`).
 
 mod draw;
+mod felt;
 mod judge;
 mod long;
 mod shapes;
+mod strokes;
+mod tools;
+mod trouble;
 
 pub use judge::NET_ENERGY;
 
-use super::scene::draw::{Draw as Host, Span};
+use super::scene::draw::Draw as Host;
 use super::scene::troubled::{Lossy, stalls};
 use super::{Done, Verdict};
 use crate::StudyError;
 use crate::chance::Chance;
-use draw::{DURATIONS, Draw, Form, Trouble};
+use draw::{DURATIONS, Draw, Form};
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
 use host::scene::Scene;
@@ -36,8 +44,9 @@ use host::world::World;
 use judge::Judge;
 use runner::AnyDevice;
 use serde::{Deserialize, Serialize};
-use sim::{Fault, Faulty};
+use sim::Faulty;
 use std::collections::BTreeMap;
+use trouble::Troubles;
 
 /// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,6 +55,8 @@ pub struct CellResult {
     pub bodies: Vec<String>,
     /// The kinds and motions of the obstacles.
     pub obstacles: Vec<String>,
+    /// The tools, their devices and motions.
+    pub tools: Vec<String>,
     /// The trouble of host and devices.
     pub trouble: String,
     /// Number of host steps.
@@ -72,6 +83,15 @@ pub struct CellResult {
     pub depth: f64,
     /// Net energy that the hands got at most, beyond what weight and obstacles put in (J).
     pub net_energy: f64,
+    /// The part of the force of tools that the cap withheld, over the whole run (1).
+    pub withheld: f64,
+    /// The largest changes of the force of a tool in a tick, beyond the way of the hand times the stiffest spring of its device (N): in
+    /// the tick of a patch or the next one, and between patches.
+    pub jumps: [f64; 2],
+    /// How far tools were inside bodies and obstacles at most, as a fraction of their radius (1).
+    pub sunk: f64,
+    /// Number of patches that the tick refused because of their contents.
+    pub refused: u64,
     /// Energy that contacts gave at most (J).
     pub given: f64,
     /// The energy that moved (J).
@@ -80,8 +100,16 @@ pub struct CellResult {
     pub failures: Vec<String>,
 }
 
-/// Cells of a whole study, of a quick one, and of a long one.
-pub const CELLS: [u64; 3] = [300, 6, 2];
+/// Number of cells of a study of such worlds.
+pub fn cells(worlds: Worlds, length: Length) -> u64 {
+    match (worlds, length) {
+        (_, Length::Long) => 2,
+        (Worlds::Bodies, Length::Quick) => 6,
+        (Worlds::Bodies, Length::Whole) => 300,
+        (Worlds::Tools, Length::Quick) => 12,
+        (Worlds::Tools, Length::Whole) => 1000,
+    }
+}
 
 /// The study.
 #[derive(Clone, Copy, Debug)]
@@ -90,8 +118,20 @@ pub struct Study {
     pub seed: u64,
     /// Number of cells.
     pub cells: u64,
+    /// Which worlds the runs have.
+    pub worlds: Worlds,
     /// How long the runs are.
     pub length: Length,
+}
+
+/// Which worlds the runs of the study have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Worlds {
+    /// Bodies that touch each other and obstacles, in two hands.
+    Bodies,
+    /// Tools that touch bodies and obstacles.
+    Tools,
 }
 
 /// How long the runs of the study are.
@@ -110,14 +150,12 @@ pub enum Length {
 struct Case {
     bodies: Vec<String>,
     obstacles: Vec<String>,
-    trouble: Trouble,
+    tools: Vec<String>,
     /// The scene, and the files that it names.
     text: String,
     files: BTreeMap<String, Vec<u8>>,
     host: Host,
-    stalls: Vec<Span>,
-    /// The device that is lost, how, and when.
-    loss: Option<(usize, Fault, Span)>,
+    troubles: Troubles,
     /// Steps between two tests of all edges and triangles.
     every: u64,
     /// Number of runs, which must be equal.
@@ -130,20 +168,20 @@ impl Case {
         Self {
             bodies: Vec::new(),
             obstacles: Vec::new(),
-            trouble: Trouble::Nothing,
+            tools: Vec::new(),
             text,
             files,
             host: Host::untroubled(1e3, 0.0),
-            stalls: Vec::new(),
-            loss: None,
+            troubles: Troubles::NONE,
             every: 1,
             runs: 2,
         }
     }
 
     /// The world of a cell.
-    fn of(seed: u64, cell: u64, length: Length) -> Self {
-        let duration = match length {
+    fn of(study: &Study, cell: u64) -> Self {
+        let seed = study.seed;
+        let duration = match study.length {
             Length::Quick => DURATIONS[1],
             Length::Whole => DURATIONS[0],
             Length::Long => {
@@ -151,6 +189,9 @@ impl Case {
                 return if cell == 0 { first } else { second };
             }
         };
+        if study.worlds == Worlds::Tools {
+            return tools::case(seed, cell, tools::PART * duration);
+        }
         let draw = Draw::new(seed, cell, duration);
         let bodies = draw.bodies.iter();
         Self {
@@ -158,10 +199,8 @@ impl Case {
                 .map(|body| words(body.form, body.tear.is_some()))
                 .collect(),
             obstacles: draw.obstacles.iter().map(shapes::Obstacle::words).collect(),
-            trouble: draw.trouble,
             host: draw.host(),
-            stalls: draw.stalls.clone(),
-            loss: draw.loss,
+            troubles: draw.troubles.clone(),
             ..Self::new(draw.scene(), draw.files())
         }
     }
@@ -170,7 +209,7 @@ impl Case {
 impl super::Study for Study {
     type Outcome = CellResult;
     const NAME: &'static str = "contact";
-    const SCHEMA: u32 = 1;
+    const SCHEMA: u32 = 2;
 
     fn seed(&self) -> u64 {
         self.seed
@@ -181,11 +220,11 @@ impl super::Study for Study {
     }
 
     fn settings(&self) -> serde_json::Value {
-        serde_json::json!({ "length": self.length })
+        serde_json::json!({ "worlds": self.worlds, "length": self.length })
     }
 
     fn cell(&self, cell: u64, _: &Done<'_>) -> CellResult {
-        self::cell(self.seed, cell, self.length)
+        self::cell(self, cell)
     }
 
     fn summary(&self, cells: &BTreeMap<u64, CellResult>) -> String {
@@ -220,6 +259,9 @@ impl super::Study for Study {
             1e3 * most(|cell| cell.given),
             100.0 * most(|cell| cell.given / cell.moved.max(1e-3))
         );
+        if self.worlds == Worlds::Tools {
+            put_felt(&mut text, cells);
+        }
         text
     }
 
@@ -231,7 +273,7 @@ impl super::Study for Study {
                 format!(
                     "seed {}, cell {number} ({}; {}; {}): {failure}",
                     self.seed,
-                    cell.bodies.join(", "),
+                    [&cell.bodies[..], &cell.tools].concat().join(", "),
                     cell.obstacles.join(", "),
                     cell.trouble
                 )
@@ -240,19 +282,20 @@ impl super::Study for Study {
     }
 }
 
-/// The scene of a cell of the study of `seed` as `palpate run` reads it, and the files that it names.
-pub fn texts(seed: u64, cell: u64, length: Length) -> (String, BTreeMap<String, Vec<u8>>) {
-    let case = Case::of(seed, cell, length);
+/// The scene of a cell as `palpate run` reads it, and the files that it names.
+pub fn texts(study: &Study, cell: u64) -> (String, BTreeMap<String, Vec<u8>>) {
+    let case = Case::of(study, cell);
     (case.text, case.files)
 }
 
-/// Runs a cell of the study of `seed`.
-pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
-    let case = Case::of(seed, cell, length);
+/// Runs a cell.
+pub fn cell(study: &Study, cell: u64) -> CellResult {
+    let case = Case::of(study, cell);
     let mut result = CellResult {
         bodies: case.bodies.clone(),
         obstacles: case.obstacles.clone(),
-        trouble: case.trouble.name().to_owned(),
+        tools: case.tools.clone(),
+        trouble: case.troubles.kind.name().to_owned(),
         steps: 0,
         touched: 0,
         truncated: 0,
@@ -265,11 +308,15 @@ pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
         peak: 0.0,
         depth: 0.0,
         net_energy: 0.0,
+        withheld: 0.0,
+        jumps: [0.0; 2],
+        sunk: 0.0,
+        refused: 0,
         given: 0.0,
         moved: 0.0,
         failures: Vec::new(),
     };
-    let chance = Chance::new(seed, cell);
+    let chance = Chance::new(study.seed, cell);
     let mut first = None;
     for _ in 0..case.runs {
         let ran = run(&case, chance, |judge| {
@@ -288,6 +335,10 @@ pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
                 peak: finite(judge.peak),
                 depth: finite(judge.depth),
                 net_energy: finite(judge.net_energy()),
+                withheld: finite(judge.felt.withheld()),
+                jumps: judge.felt.jumps.map(finite),
+                sunk: finite(judge.felt.sunk.0),
+                refused: judge.refused,
                 given: finite(given),
                 moved: finite(moved),
                 failures: judge.failures(),
@@ -315,6 +366,44 @@ pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
     result
 }
 
+/// Writes the table of what hands felt with tools. `--cell` runs the worst world of a row again.
+fn put_felt(text: &mut String, cells: &BTreeMap<u64, CellResult>) {
+    type Row = (&'static str, fn(&CellResult) -> f64);
+    let rows: [Row; 6] = [
+        ("net energy (mJ)", |cell| 1e3 * cell.net_energy),
+        ("largest force (N)", |cell| cell.peak),
+        ("force withheld by the cap (%)", |cell| {
+            100.0 * cell.withheld
+        }),
+        ("jump at a patch (N)", |cell| cell.jumps[0]),
+        ("jump between patches (N)", |cell| cell.jumps[1]),
+        ("depth inside a surface (% of the radius)", |cell| {
+            100.0 * cell.sunk
+        }),
+    ];
+    put!(text, "| of a world | median | 95 % | worst | its cell |");
+    put!(text, "|---|---|---|---|---|");
+    for (name, of) in rows {
+        let mut values: Vec<(f64, u64)> = cells
+            .iter()
+            .map(|(number, cell)| (of(cell), *number))
+            .collect();
+        values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let at = |part: f64| values.get((part * values.len() as f64) as usize);
+        if let (Some(median), Some(many), Some(worst)) = (at(0.5), at(0.95), values.last()) {
+            put!(
+                text,
+                "| {name} | {:.3} | {:.3} | {:.3} | {} |",
+                median.0,
+                many.0,
+                worst.0,
+                worst.1
+            );
+        }
+    }
+    put!(text);
+}
+
 fn words(form: Form, tears: bool) -> String {
     let tears = if tears { " that tears" } else { "" };
     format!("{}{tears}", form.name())
@@ -334,14 +423,14 @@ fn run<R>(
     let loaded = Scene::load_texts("scene.toml", &case.text, &case.files)?;
     let world = World::new(&loaded)?;
     let options = Options {
-        faults: stalls(&case.stalls),
+        faults: stalls(&case.troubles.stalls),
         ..Options::of(&world)
     };
     let mut prepared = Prepared::new(&world, &options)?;
     let devices = prepared.tick.devices.into_iter().enumerate();
     prepared.tick.devices = devices
         .map(|(index, device)| {
-            let lost = case.loss.filter(|(lost, ..)| *lost == index);
+            let lost = case.troubles.loss.filter(|(lost, ..)| *lost == index);
             let faults = lost.map(|(_, how, span)| {
                 let ns = |time: f64| (time * 1e9).ceil() as u64;
                 (ns(span.at)..ns(span.at + span.duration), how)
@@ -364,7 +453,7 @@ fn run<R>(
     }
     let panicked = session.panicked().map(str::to_owned);
     let engine = session.host().engine();
-    judge.end(engine, engine.stats(), panicked);
+    judge.end(session.tick_loop(), engine, panicked);
     Ok(read(&judge))
 }
 
@@ -374,8 +463,17 @@ mod tests {
 
     #[test]
     fn every_draw_is_a_world() {
-        for cell in 0..200 {
-            let case = Case::of(1, cell, Length::Whole);
+        for (worlds, cell) in [Worlds::Bodies, Worlds::Tools]
+            .into_iter()
+            .flat_map(|worlds| (0..200).map(move |cell| (worlds, cell)))
+        {
+            let study = Study {
+                seed: 1,
+                cells: 200,
+                worlds,
+                length: Length::Whole,
+            };
+            let case = Case::of(&study, cell);
             let loaded = Scene::load_texts("x.toml", &case.text, &case.files);
             let loaded = loaded.unwrap_or_else(|error| panic!("{cell}: {error}"));
             let world = World::new(&loaded);

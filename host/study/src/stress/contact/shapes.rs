@@ -195,7 +195,7 @@ impl Obstacle {
 }
 
 /// A round mesh of radius one: an octahedron whose triangles are divided by four. Its normals point outwards.
-fn round() -> (Vec<Vec3>, Vec<[u32; 3]>) {
+pub(super) fn round() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut x = vec![
         Vec3::x(),
         -Vec3::x(),
@@ -229,7 +229,8 @@ fn round() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (x, triangles)
 }
 
-fn obj(positions: &[Vec3], triangles: &[[u32; 3]]) -> String {
+/// A mesh file.
+pub(super) fn obj(positions: &[Vec3], triangles: &[[u32; 3]]) -> String {
     let mut text = String::new();
     for x in positions {
         let _ = writeln!(text, "v {:?} {:?} {:?}", x.x, x.y, x.z);

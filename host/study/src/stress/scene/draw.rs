@@ -300,7 +300,7 @@ fn stalls(chance: Chance) -> Vec<Span> {
 
 /// A grip between the relaxed and the rigid grip of simulated hands, all on logarithmic scales. Firm hands are usually
 /// heavy: each number deviates from a common firmness.
-fn grip(chance: Chance, device: u64) -> Grip {
+pub(in crate::stress) fn grip(chance: Chance, device: u64) -> Grip {
     let firmness = chance.unit(4 * device);
     let stray = |n| (firmness + chance.between(4 * device + n, -0.25, 0.25)).clamp(0.0, 1.0);
     let scale = |low: f64, high: f64, n| low * libm::pow(high / low, stray(n));
