@@ -18,7 +18,7 @@
 //! from `c`, two contacts then have the compliance `D - [r1] Dr [r2]` between them (`[r]`: the matrix of `r x`; `Dr`: the floor of rotation).
 //!
 //! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
-//! within half a period, or 8 ms. A message of other sites can leave a contact without its place on the surface: the force of which this would
+//! within half a period, or 8 ms; that of a proxy whose floor changes, in a tenth of a second. A message of other sites can leave a contact without its place on the surface: the force of which this would
 //! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
 //!
 //! **Friction of the host.** Tick and host stick to places of their own on the material. What one of them slipped would stay between their forces
@@ -82,6 +82,9 @@ const GRIP: f64 = 0.01;
 const DRIFTS: f64 = 3.0;
 /// The least time (s) in which the difference of a message fades, also if the next message comes sooner.
 const LEAST_FADE: f64 = 8e-3;
+/// The time (s) in which the offset of the proxy fades after the floor changed, as where an obstacle comes into reach: the hand is at
+/// another place under the same force, and feels the way back.
+const OFFSET_FADES: f64 = 0.1;
 /// The part of the difference between the friction of the host and of the tick that a message takes away: the rest is a hundredth after
 /// twenty messages, and no message is felt.
 const FOLLOWS: f64 = 0.2;
@@ -129,18 +132,26 @@ impl SiteState {
     };
 }
 
-/// A difference between poses: a way (m) and a small rotation vector (rad).
+/// A difference between poses that fades: a way (m) and a small rotation vector (rad).
 #[derive(Clone, Copy, Debug)]
 struct Offset {
     way: Vec3,
     turn: Vec3,
+    /// The fraction that has not faded.
+    left: f64,
 }
 
 impl Offset {
     const ZERO: Self = Self {
         way: Vec3::new(0.0, 0.0, 0.0),
         turn: Vec3::new(0.0, 0.0, 0.0),
+        left: 0.0,
     };
+
+    /// The way and the turn that are left.
+    fn now(&self) -> [Vec3; 2] {
+        [self.way * self.left, self.turn * self.left]
+    }
 }
 
 /// The box around points.
@@ -251,7 +262,7 @@ pub struct Tool {
     /// Of the searches for the nearest points of the hull and each triangle.
     seeds: [Seed; MAX_TRIANGLES],
     proxy: Option<Pose>,
-    /// The offset of the proxy when the message came, which fades.
+    /// The offset of the proxy by changes of the floor.
     offset: Offset,
     /// The wrench of contacts that went with the message, which fades.
     carried: Wrench,
@@ -448,7 +459,8 @@ impl Tool {
     /// Moves the hand to a pose.
     fn move_to(&mut self, hand: &Pose) {
         let fade = (self.fade - self.fade_step).max(0.0);
-        let led = self.led(hand, fade);
+        self.offset.left = (self.offset.left - self.config.period / OFFSET_FADES).max(0.0);
+        let led = self.led(hand);
         let before = self.proxy.unwrap_or(led);
         if self.contacts.is_empty() && self.is_away_from(&led.position, &before.position) {
             (self.fade, self.proxy) = (fade, Some(led));
@@ -532,10 +544,11 @@ impl Tool {
     }
 
     /// The pose to which the hand would lead the tool without contact forces.
-    fn led(&self, hand: &Pose, fade: f64) -> Pose {
-        let mut led = Pose::at(hand.position + self.offset.way * fade);
+    fn led(&self, hand: &Pose) -> Pose {
+        let [way, turn] = self.offset.now();
+        let mut led = Pose::at(hand.position + way);
         if self.config.turns {
-            led.rotation = small_turn(&(self.offset.turn * fade)) * hand.rotation;
+            led.rotation = small_turn(&turn) * hand.rotation;
         }
         led
     }
@@ -755,9 +768,11 @@ impl Tool {
         }
         self.contacts = contacts;
         let (Wrench { force, moment }, fade) = (self.contact_wrench(), self.fade);
+        let [way, turn] = self.offset.now();
         let offset = Offset {
-            way: self.offset.way * fade + (old.floor - new.floor) * force,
-            turn: self.offset.turn * fade + (old.turning_floor - new.turning_floor) * moment,
+            way: way + (old.floor - new.floor) * force,
+            turn: turn + (old.turning_floor - new.turning_floor) * moment,
+            left: 1.0,
         };
         self.carried = self.carried.scaled(fade);
         self.patch.copy_used_from(&self.pending);
@@ -784,7 +799,6 @@ impl Tool {
     /// Lets the present differences fade as if they had come with a message of this tick.
     fn fade_again(&mut self) {
         let fade = core::mem::replace(&mut self.fade, 1.0);
-        (self.offset.way, self.offset.turn) = (self.offset.way * fade, self.offset.turn * fade);
         self.carried = self.carried.scaled(fade);
         for state in &mut self.sites {
             state.offset *= fade;

@@ -32,6 +32,10 @@ use crate::{Mat3, Mat6, Vec3};
 
 /// The least pivot of `S`, as a fraction of its diagonal: what the iterations leave tells no two sites apart.
 const LEAST_PIVOT: f64 = 1e-6;
+/// The least pivot of `S`, as a fraction of its diagonal, that tells two sites apart beyond the errors of the shapes; and the fractions of the
+/// diagonal that are added in turn until all pivots do.
+const LEAST_TOLD: f64 = 1e-4;
+const MORE: [f64; 5] = [0.0, 1e-3, 1e-2, 3e-2, 1e-1];
 /// The least time (s) of the shapes. In a shorter time a force reaches the surroundings of a site only, and the shapes are too
 /// stiff for a hand that presses: with one millisecond, the force was wrong by a quarter.
 const LEAST_TIME: f64 = 1.0 / 60.0;
@@ -323,9 +327,8 @@ impl SiteCompliance {
         if stored > 0.0 {
             self.damping += config.mass_damping * inert / stored;
         }
-        self.factor.copy_from(&self.values);
+        self.find_factor();
         self.inertia.copy_from(&self.mass);
-        factorize(&mut self.factor);
         for _ in 0..2 {
             for column in 0..size {
                 substitute(&self.factor, &mut self.inertia, column);
@@ -353,6 +356,22 @@ impl SiteCompliance {
         for (column, drift) in self.drift.iter_mut().enumerate() {
             let shape = &self.shapes[column * nodes..(column + 1) * nodes];
             *drift = a * weighted(shape, &body.state.v, &body.model.mass);
+        }
+    }
+
+    /// Finds `L`. If errors make the matrix all but indefinite, the least fraction of its diagonal is added with which it is not (Nocedal and Wright, "Numerical
+    /// optimization", 2006, algorithm 3.3). Without it, the errors of a loose piece, which moves so much further than it deforms, would be
+    /// motions of their own.
+    fn find_factor(&mut self) {
+        for more in MORE {
+            self.factor.copy_from(&self.values);
+            for at in 0..self.factor.size() {
+                self.factor[(at, at)] *= 1.0 + more;
+            }
+            // What was added must be left: a smaller pivot is made of errors.
+            if factorize(&mut self.factor) >= (0.5 * more).max(LEAST_TOLD) {
+                break;
+            }
         }
     }
 
@@ -454,9 +473,11 @@ fn weighted(a: &[Vec3], b: &[Vec3], mass: &[f64]) -> f64 {
 /// has a factor of one.
 ///
 /// Shapes that were computed at different states of the body give a matrix that is not definite. Two sites then seem to move
-/// together more than each moves by itself. The factor takes no entry beyond this, so that no diagonal entry of `L L^T` grows.
-fn factorize(matrix: &mut Square) {
+/// together more than each moves by itself. The factor takes no entry beyond this, so that no diagonal entry of `L L^T` grows. Returns
+/// the least pivot, as a fraction of its diagonal.
+fn factorize(matrix: &mut Square) -> f64 {
     let size = matrix.size();
+    let mut least = f64::INFINITY;
     for j in 0..size {
         let own = matrix[(j, j)];
         let mut pivot = own;
@@ -464,6 +485,7 @@ fn factorize(matrix: &mut Square) {
             pivot -= matrix[(j, k)] * matrix[(j, k)];
         }
         let pivot = if own > 0.0 {
+            least = least.min(pivot / own);
             pivot.max(LEAST_PIVOT * own).sqrt()
         } else {
             1.0
@@ -480,6 +502,7 @@ fn factorize(matrix: &mut Square) {
             matrix[(i, j)] = (entry / pivot).clamp(-most, most);
         }
     }
+    least
 }
 
 /// Replaces a column of `values` by its product with the inverse of a lower factor.
