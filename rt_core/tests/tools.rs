@@ -452,6 +452,7 @@ proptest! {
                         vertex: u32::from(n[0] > 0.5),
                         place: site.place + Vec3::new(n[0], n[1], n[2]) * 2e-3,
                         velocity: Vec3::new(n[2], n[0], n[1]) * 0.1,
+                        drift: Vec3::new(n[1], n[0], n[2]) * 0.1,
                         force: Vec3::new(n[1], n[2], n[0]) * 2.0,
                     };
                 }
