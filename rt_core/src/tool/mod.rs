@@ -9,8 +9,9 @@
 //! the transient stiffness to stay below what the device can render. Implicit Euler gives the places of the sites as an affine
 //! function of the forces.
 //!
-//! **Drift.** Nothing but inertia holds a loose piece, whose compliance is that of its inertia over one publication. It goes on with its
-//! velocity: otherwise a hand that carries it would feel its sites stay behind, and its friction would slip and be lost when the hand stops.
+//! **Drift.** A surface goes on with the part of its velocity that inertia keeps: a tap would otherwise meet a dent that has stopped. Nothing but
+//! inertia holds a loose piece, whose compliance is that of its inertia over one publication. A hand that carries the piece would feel its sites
+//! stay behind, and its friction would slip and be lost when the hand stops.
 //!
 //! **Floor.** The centre of the tool (the **proxy**) is `c = x + D F`: the hand `x`, the force `F` on it, and the compliance `D` that
 //! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series. On a

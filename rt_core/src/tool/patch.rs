@@ -16,7 +16,8 @@ pub struct Site {
     pub place: Vec3,
     /// Velocity over the last step of the host (m/s).
     pub velocity: Vec3,
-    /// The part of the velocity that inertia keeps (m/s): that of a piece which nothing but inertia holds. The point goes on with it.
+    /// The part of the velocity that inertia keeps over a publication (m/s): all of that of a loose piece, and the less of that of an elastic
+    /// motion, the stiffer the motion is. The point goes on with it.
     pub drift: Vec3,
     /// Force of the tool on the body at this point (N), in the host's step.
     pub force: Vec3,
