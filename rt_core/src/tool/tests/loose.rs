@@ -52,7 +52,9 @@ fn a_loose_piece_goes_on_with_the_hand() {
 /// Tick and host stick to other places: the host has half of the tick's friction. The tick follows, without a jump, and presses as before.
 #[test]
 fn friction_goes_over_to_that_of_the_host() {
-    for patch in [loose(0.5), pad(4e-3, 1.0 / 800.0, 3e-3, 0.5)] {
+    let patches: [fn() -> Patch; 2] = [|| loose(0.5), || pad(4e-3, 1.0 / 800.0, 3e-3, 0.5)];
+    for patch in patches {
+        let patch = patch();
         let mut tool = ball(8e-3);
         tool.accept(&patch).unwrap();
         let mut begun = None;
