@@ -83,7 +83,7 @@ pub struct CellResult {
     pub depth: f64,
     /// Net energy that the hands got at most, beyond what weight and obstacles put in (J).
     pub net_energy: f64,
-    /// The part of the force of tools that the cap withheld, over the whole run (1).
+    /// The fraction of the force of tools that the cap withheld, over the whole run.
     pub withheld: f64,
     /// The largest changes of the force of a tool in a tick, beyond the way of the hand times the stiffest spring of its device (N): in
     /// the tick of a patch or the next one, and between patches.
