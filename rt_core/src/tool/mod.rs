@@ -23,8 +23,9 @@
 //! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
 //!
 //! **Friction of the host.** Tick and host stick to places of their own on the material. What one of them slipped would stay between their forces
-//! for ever. A message therefore leads the friction of contacts that stick a part of the way to that of the host: by the difference of both
-//! forces at the time of the message.
+//! for ever. The forces on a loose piece balance its weight in the host alone: there, a message leads the friction of contacts that stick a part
+//! of the way to that of the host, by the difference of both forces at the time of the message. On a body that is held, the friction of the tick
+//! is nearer to that of a host in every tick than the friction of a late host.
 //!
 //! **Taking hold.** While the hand takes hold, what presses is held: the contact neither opens nor slips, and nothing else changes. A hand that
 //! lets go loses the force that only a held contact has within half a period, as the difference of a message. The host holds the same points. If a
@@ -86,8 +87,8 @@ const LEAST_FADE: f64 = 8e-3;
 /// The time (s) in which the offset of the proxy fades after the floor changed, as where an obstacle comes into reach: the hand is at
 /// another place under the same force, and feels the way back.
 const OFFSET_FADES: f64 = 0.1;
-/// The part of the difference between the friction of the host and of the tick that a message takes away: the rest is a hundredth after
-/// twenty messages, and no message is felt.
+/// The part of the difference between the friction of the host and of the tick that a message takes away from a loose piece: the rest is a
+/// hundredth after twenty messages, and no message is felt.
 const FOLLOWS: f64 = 0.2;
 /// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
 const AT_REST: f64 = 1e-14;
@@ -439,7 +440,7 @@ impl Tool {
         of_bodies.map(Contact::force).sum()
     }
 
-    /// Leads the friction of contacts that stick to that of the host in the new patch.
+    /// Leads the friction of contacts that stick on a loose piece to that of the host in the new patch.
     fn follow(&mut self) {
         let older = self.age / self.config.period + 0.5;
         let Some(was) = self.past.force(older as usize) else {
@@ -450,7 +451,7 @@ impl Tool {
             .take(usize::from(self.patch.head.site_count))
             .map(|site| -site.force)
             .sum();
-        let missing = (hosts - was) * FOLLOWS;
+        let missing = (hosts - was) * (FOLLOWS * (1.0 - self.patch.head.elastic));
         let fraction = 1.0 / (1.0 + self.relaxation.gain);
         for contact in &mut self.contacts {
             contact.lead(&missing, &self.patch, fraction);
