@@ -216,7 +216,8 @@ fn a_client_receives_the_messages_of_the_log() {
             "readings",
             "patches",
             "touch",
-            "turn"
+            "turn",
+            "way"
         ])
     );
 

@@ -19,7 +19,7 @@
 //! from `c`, two contacts then have the compliance `D - [r1] Dr [r2]` between them (`[r]`: the matrix of `r x`; `Dr`: the floor of rotation).
 //!
 //! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
-//! within half a period, or 8 ms; that of a proxy whose floor changes, in a tenth of a second. A message of other sites can leave a contact without its place on the surface: the force of which this would
+//! within half a period; that of a proxy whose floor changes, in a tenth of a second. A message of other sites can leave a contact without its place on the surface: the force of which this would
 //! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
 //!
 //! **Friction of the host.** Tick and host stick to places of their own on the material. What one of them slipped would stay between their forces
@@ -82,8 +82,6 @@ const SOFT_ACROSS: f64 = 3e-3;
 const GRIP: f64 = 0.01;
 /// The publication periods after which the sites of a late host drift no further.
 const DRIFTS: f64 = 3.0;
-/// The least time (s) in which the difference of a message fades, also if the next message comes sooner.
-const LEAST_FADE: f64 = 8e-3;
 /// The time (s) in which the offset of the proxy fades after the floor changed, as where an obstacle comes into reach: the hand is at
 /// another place under the same force, and feels the way back.
 const OFFSET_FADES: f64 = 0.1;
@@ -794,8 +792,7 @@ impl Tool {
         }
         let head = &self.patch.head;
         self.fade = 1.0;
-        let fades = (0.5 * head.period).max(LEAST_FADE);
-        self.fade_step = (self.config.period / fades).min(0.5);
+        self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
     }
 
     /// Lets the present differences fade as if they had come with a message of this tick.
