@@ -76,7 +76,7 @@ pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
 pub use body::support::SupportSpec;
 pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, SolidLaw};
 pub use condense::{
-    Around, Beside, Condensed, Condenser, Footprint, ShapeOptions, ShapeReport, Shapes,
+    Around, Beside, Condensed, Condenser, Footprint, Held, ShapeOptions, ShapeReport, Shapes,
     SiteCompliance, resultant,
 };
 pub use cost::Cost;

@@ -13,7 +13,11 @@
 //! and no damping, which a hand would feel as a spring. With the factors `a` of mass and `b` of stiffness in `A`,
 //! `U^T K U = (S - a U^T M U) / b`, so that no product with the elements is needed.
 //!
-//! **Slow motions.** Where nothing holds a body, or its elastic forces vanish as those of a hanging cloth do, inertia alone resists
+//! **Loose pieces.** The rigid motions `R` of a piece that nothing holds (`loose`) are exact and known beforehand. They are taken out of
+//! the shapes, whose errors would else be amplified by them. The inertia of one publication resists them, which adds `t^2 J R R^T J^T` to
+//! `W`. The contacts of the piece with other things join `J` with the rows of their resultant (`hold`), and are then eliminated.
+//!
+//! **Slow motions.** Where the elastic forces vanish, as those of a hanging cloth do, inertia alone resists
 //! in the time of a publication. The motions come apart in the eigenvectors `V` of `L^-1 U^T M U L^-T`, with `S = L L^T`: one of
 //! eigenvalue `m` has the inertia `m`, and the stiffness `(1 - a m) / b`. Its stiffness is taken as at least `m / t^2`, the inertia of
 //! one publication. The time `t` is at least [`LEAST_TIME`].
@@ -21,6 +25,8 @@
 //! The shapes are kept from one publication to the next, as those of handles are (`shapes`): a site that is new is computed at
 //! once, the others in turn.
 
+use super::hold::{Held, PATTERNS, patterns};
+use super::loose::{Loose, MOTIONS};
 use super::shapes::{ShapeOptions, ShapeReport};
 use crate::body::Body;
 use crate::element::precision::Precision;
@@ -69,14 +75,26 @@ impl Footprint {
 #[derive(Debug)]
 pub struct SiteCompliance {
     epoch: u64,
+    /// The time of the shapes, and that in which inertia resists the rigid motions of loose pieces (s).
     period: f64,
+    inert_time: f64,
     /// The factors of mass and stiffness in `A`.
     factors: (f64, f64),
     nodes: usize,
     sites: Vec<Site>,
     next: usize,
-    /// The shapes, by column, then by node (m/N). A site has three columns.
+    loose: Loose,
+    /// The nodes at which something else holds the piece.
+    held: Vec<Held>,
+    /// The forces on nodes that cause the shapes, by column. A site has three columns, one for each axis; after the sites come the patterns of
+    /// what holds the piece. A column of nodes that are held has none.
+    loads: Vec<Vec<(u32, Vec3)>>,
+    /// The shapes without the rigid motions of loose pieces, by column, then by node (m/N).
     shapes: Vec<Vec3>,
+    /// The components of the loads in the rigid motions (N/kg^(1/2)), by column, then by loose piece.
+    components: Vec<[f64; MOTIONS]>,
+    /// The momentum of the loose pieces in their rigid motions.
+    momentum: Vec<[f64; MOTIONS]>,
     /// `S` and `U^T M U`.
     values: Square,
     mass: Square,
@@ -85,8 +103,11 @@ pub struct SiteCompliance {
     inertia: Square,
     eigen: Eigen,
     root: Square,
-    /// Whether inertia alone resists a motion, by row of the factor.
+    /// The compliance as a sum of squares, by motion, then by column; and whether inertia alone resists a motion.
+    motions: Vec<f64>,
     is_inert: Vec<bool>,
+    /// `S` of what holds the piece.
+    holding: Square,
     compliance: Square,
     damping: f64,
     /// The velocities of the sites that inertia keeps (m/s), by row.
@@ -97,8 +118,6 @@ pub struct SiteCompliance {
 #[derive(Clone, Debug, Default)]
 struct Site {
     node: Option<u32>,
-    /// The weights of its shapes.
-    weights: Vec<(u32, f64)>,
     /// The linearization of its shapes; `None` before their first computation.
     state: Option<u64>,
 }
@@ -106,23 +125,32 @@ struct Site {
 impl SiteCompliance {
     /// Room for this many sites.
     pub fn new(sites: usize) -> Self {
-        let square = Square::zeros(3 * sites);
+        let columns = 3 * sites + PATTERNS;
+        let square = Square::zeros(columns);
         Self {
             epoch: 0,
             period: 0.0,
+            inert_time: 0.0,
             factors: (0.0, 0.0),
             nodes: 0,
             sites: vec![Site::default(); sites],
             next: 0,
+            loose: Loose::default(),
+            held: Vec::new(),
+            loads: vec![Vec::new(); columns],
             shapes: Vec::new(),
+            components: Vec::new(),
+            momentum: Vec::new(),
             values: square.clone(),
             mass: square.clone(),
             factor: square.clone(),
             inertia: square.clone(),
-            eigen: Eigen::new(3 * sites),
-            root: square.clone(),
-            is_inert: vec![false; 3 * sites],
-            compliance: square,
+            eigen: Eigen::new(columns),
+            root: square,
+            motions: Vec::new(),
+            is_inert: Vec::new(),
+            holding: Square::zeros(PATTERNS),
+            compliance: Square::zeros(3 * sites),
             damping: 0.0,
             drift: vec![0.0; 3 * sites],
         }
@@ -140,12 +168,12 @@ impl SiteCompliance {
     /// The energies under forces `of` the sites (J): the elastic one, and that with the motions which inertia alone resists.
     pub fn energies(&self, of: &dyn Fn(usize) -> Vec3) -> [f64; 2] {
         let (mut elastic, mut whole) = (0.0, 0.0);
-        for (row, is_inert) in self.is_inert.iter().enumerate() {
-            let moved = (0..self.sites.len()).map(|site| {
-                let force = of(site);
-                let each = (0..3).map(|axis| self.root[(row, 3 * site + axis)] * force[axis]);
-                each.sum::<f64>()
-            });
+        let forces: Vec<Vec3> = (0..self.sites.len()).map(of).collect();
+        let motions = self.motions.chunks_exact(self.loads.len());
+        for (motion, is_inert) in motions.zip(&self.is_inert) {
+            let by_site = motion.chunks_exact(3).zip(&forces);
+            let moved =
+                by_site.map(|(of, force)| of[0] * force.x + of[1] * force.y + of[2] * force.z);
             let energy = 0.5 * moved.sum::<f64>().powi(2);
             whole += energy;
             elastic += if *is_inert { 0.0 } else { energy };
@@ -168,7 +196,8 @@ impl SiteCompliance {
 
     /// Computes the compliance of the `sites` of the body that `stepper` moves, after the last step, for publications every
     /// `period` seconds. `sites` are footprints, or places without one. A site whose node stays at its place keeps its shapes, and
-    /// their weights, until it is its turn. If the body has a local model, that must have been made. The first call allocates.
+    /// their weights, until it is its turn. `held` are the nodes of other contacts of the body, which count if the sites are on a loose
+    /// piece. If the body has a local model, that must have been made. The first call allocates.
     ///
     /// # Errors
     ///
@@ -179,6 +208,7 @@ impl SiteCompliance {
         body: &Body,
         period: f64,
         sites: &[Option<Footprint>],
+        held: &[Held],
         options: &ShapeOptions,
     ) -> Result<ShapeReport, CondenseError> {
         if !(period > 0.0 && period.is_finite()) {
@@ -187,30 +217,40 @@ impl SiteCompliance {
         if !stepper.is_ready() || stepper.epoch != body.epoch() {
             return Err(CondenseError::NotAssembled);
         }
-        self.take(body, period.max(LEAST_TIME), sites);
+        self.inert_time = period;
+        self.take(stepper, body, period.max(LEAST_TIME), sites);
+        self.loose.place(body);
         let state = stepper.elements.count;
         let (count, mut report) = (self.sites.len(), ShapeReport::default());
         let mut left = options.at_a_time;
         for place in 0..count {
             if self.sites[place].node.is_some() && self.sites[place].state.is_none() {
-                self.solve(stepper, body, (place, sites), options, &mut report);
+                self.renew_site(stepper, body, (place, sites), options, &mut report);
             }
         }
         let next = self.next;
         for place in (0..count).map(|by| (next + by) % count) {
             let site = &self.sites[place];
             if site.node.is_some() && site.state != Some(state) && left > 0 {
-                self.solve(stepper, body, (place, sites), options, &mut report);
+                self.renew_site(stepper, body, (place, sites), options, &mut report);
                 (left, self.next) = (left - 1, place + 1);
             }
         }
+        self.hold(stepper, body, held, options, &mut report);
+        self.find_components(body);
         self.combine(body);
         self.find_drift(body);
         Ok(report)
     }
 
     /// Takes the nodes of the sites. The shapes of other nodes, of another topology and of another period are forgotten.
-    fn take(&mut self, body: &Body, period: f64, sites: &[Option<Footprint>]) {
+    fn take<T: Precision>(
+        &mut self,
+        stepper: &Stepper<T>,
+        body: &Body,
+        period: f64,
+        sites: &[Option<Footprint>],
+    ) {
         let nodes = body.state.x.len();
         if (self.epoch, self.period, self.nodes) != (body.epoch(), period, nodes) {
             (self.epoch, self.period, self.nodes) = (body.epoch(), period, nodes);
@@ -220,9 +260,12 @@ impl SiteCompliance {
                 1.0 + config.stiffness_damping / period,
             );
             self.shapes.clear();
-            self.shapes
-                .resize(3 * self.sites.len() * nodes, Vec3::zeros());
+            self.shapes.resize(self.loads.len() * nodes, Vec3::zeros());
             self.sites.fill_with(Site::default);
+            self.loads.fill_with(Vec::new);
+            let supports = &body.constraints.supports;
+            let is_held = |node| !stepper.is_free(node) || supports.owner_of(node).is_some();
+            self.loose.find(body, &is_held);
         }
         for place in 0..self.sites.len() {
             let site = sites.get(place).and_then(Option::as_ref);
@@ -230,17 +273,15 @@ impl SiteCompliance {
             let own = &mut self.sites[place];
             if own.node != node {
                 (own.node, own.state) = (node, None);
-                own.weights.clear();
-                self.shapes[3 * place * nodes..3 * (place + 1) * nodes].fill(Vec3::zeros());
-                for column in 3 * place..3 * place + 3 {
-                    self.clear(column);
-                }
+                (3 * place..3 * place + 3).for_each(|column| self.clear(column));
             }
         }
     }
 
-    /// Forgets the products of a column.
+    /// Forgets a column.
     fn clear(&mut self, column: usize) {
+        self.loads[column].clear();
+        self.shapes[column * self.nodes..(column + 1) * self.nodes].fill(Vec3::zeros());
         for other in 0..self.values.size() {
             for at in [(column, other), (other, column)] {
                 (self.values[at], self.mass[at]) = (0.0, 0.0);
@@ -248,8 +289,8 @@ impl SiteCompliance {
         }
     }
 
-    /// Computes the shapes of a site, and their products with all others.
-    fn solve<T: Precision>(
+    /// Computes the shapes of a site under its present footprint.
+    fn renew_site<T: Precision>(
         &mut self,
         stepper: &mut Stepper<T>,
         body: &Body,
@@ -257,13 +298,57 @@ impl SiteCompliance {
         options: &ShapeOptions,
         report: &mut ShapeReport,
     ) {
-        let site = &mut self.sites[place];
-        let is_new = site.state.replace(stepper.elements.count).is_none();
-        site.weights.clear();
+        self.sites[place].state = Some(stepper.elements.count);
         let given = sites.get(place).and_then(Option::as_ref);
         let weights = given.map_or(&[][..], |given| &given.weights);
-        (site.weights).extend(weights.iter().filter(|(node, _)| stepper.is_free(*node)));
-        if site.weights.is_empty() {
+        let is_new = self.loads[3 * place].is_empty();
+        for axis in 0..3 {
+            let load = &mut self.loads[3 * place + axis];
+            load.clear();
+            let free = weights.iter().filter(|(node, _)| stepper.is_free(*node));
+            load.extend(free.map(|(node, weight)| (*node, Vec3::ith(axis, *weight))));
+        }
+        for column in 3 * place..3 * place + 3 {
+            self.solve(stepper, body, (column, is_new), options, report);
+        }
+    }
+
+    /// Takes what holds the piece of the sites, and computes the shapes of its patterns.
+    fn hold<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        held: &[Held],
+        options: &ShapeOptions,
+        report: &mut ShapeReport,
+    ) {
+        let first = 3 * self.sites.len();
+        let mut nodes = self.sites.iter().filter_map(|site| site.node);
+        let piece = nodes.find_map(|node| self.loose.of(node));
+        let of_piece = |held: &&Held| piece.is_some() && self.loose.of(held.node) == piece;
+        self.held.clear();
+        self.held.extend(held.iter().filter(of_piece));
+        let was_held = self.loads[first..].iter().any(|load| !load.is_empty());
+        patterns(&self.held, &body.state.x, &mut self.loads[first..]);
+        for column in first..first + PATTERNS {
+            if self.loads[column].is_empty() {
+                self.clear(column);
+            } else {
+                self.solve(stepper, body, (column, !was_held), options, report);
+            }
+        }
+    }
+
+    /// Computes the shape of a column, and its products with all others.
+    fn solve<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        (column, is_new): (usize, bool),
+        options: &ShapeOptions,
+        report: &mut ShapeReport,
+    ) {
+        if self.loads[column].is_empty() {
             return;
         }
         let max_iterations = if is_new {
@@ -279,37 +364,74 @@ impl SiteCompliance {
             start: options.tolerance,
             max_iterations,
         };
-        for column in 3 * place..3 * place + 3 {
-            let shape = &mut self.shapes[column * self.nodes..(column + 1) * self.nodes];
-            let load = (&self.sites[place].weights[..], column % 3);
-            let found = stepper.response_to(load, self.factors, limits, shape);
-            report.iterations += found.iterations;
-            report.residual = report.residual.max(found.residual);
-            report.renewed += 1;
-            self.multiply(body, column);
+        let (x, mass) = (&body.state.x, &body.model.mass);
+        let shape = &mut self.shapes[column * self.nodes..(column + 1) * self.nodes];
+        let mut rigid = vec![[0.0; MOTIONS]; self.loose.count()];
+        for (node, force) in &self.loads[column] {
+            self.loose.add_components(x, (*node, force), &mut rigid);
         }
+        let (inertia, _) = self.factors;
+        rigid
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(|of| *of /= inertia);
+        self.loose.add(x, &rigid, shape);
+        let found = stepper.response_to(&self.loads[column], self.factors, limits, shape);
+        // The rigid motion that the iterations found, with their errors.
+        rigid.fill([0.0; MOTIONS]);
+        for ((node, u), mass) in (0_u32..).zip(&*shape).zip(mass) {
+            self.loose
+                .add_components(x, (node, &(u * -mass)), &mut rigid);
+        }
+        self.loose.add(x, &rigid, shape);
+        report.iterations += found.iterations;
+        report.residual = report.residual.max(found.residual);
+        report.renewed += 1;
+        self.multiply(body, column);
     }
 
     /// Computes the products of a column with all others.
     fn multiply(&mut self, body: &Body, column: usize) {
         let (nodes, mass) = (self.nodes, &body.model.mass);
         let shape = &self.shapes[column * nodes..(column + 1) * nodes];
-        for (place, site) in self.sites.iter().enumerate() {
-            if site.weights.is_empty() {
+        for (other, load) in self.loads.iter().enumerate() {
+            if load.is_empty() {
                 continue;
             }
-            for axis in 0..3 {
-                let other = 3 * place + axis;
-                let its = &self.shapes[other * nodes..(other + 1) * nodes];
-                let moved = site.weights.iter();
-                let value: f64 = moved
-                    .map(|(node, weight)| weight * shape[*node as usize][axis])
-                    .sum();
-                let product = weighted(shape, its, mass);
-                for at in [(column, other), (other, column)] {
-                    (self.values[at], self.mass[at]) = (value, product);
-                }
+            let its = &self.shapes[other * nodes..(other + 1) * nodes];
+            let along = load.iter();
+            let along = along.map(|(node, force)| force.dot(&shape[*node as usize]));
+            let (value, product) = (along.sum(), weighted(shape, its, mass));
+            for at in [(column, other), (other, column)] {
+                (self.values[at], self.mass[at]) = (value, product);
             }
+        }
+    }
+
+    /// Finds the components of the loads and of the momentum in the rigid motions.
+    fn find_components(&mut self, body: &Body) {
+        let (x, v, mass) = (&body.state.x, &body.state.v, &body.model.mass);
+        let count = self.loose.count();
+        self.components.clear();
+        self.components
+            .resize(self.loads.len() * count, [0.0; MOTIONS]);
+        self.momentum.clear();
+        self.momentum.resize(count, [0.0; MOTIONS]);
+        if count == 0 {
+            return;
+        }
+        for (load, own) in self
+            .loads
+            .iter()
+            .zip(self.components.chunks_exact_mut(count))
+        {
+            for (node, force) in load {
+                self.loose.add_components(x, (*node, force), own);
+            }
+        }
+        for ((node, v), mass) in (0_u32..).zip(v).zip(mass) {
+            self.loose
+                .add_components(x, (node, &(v * *mass)), &mut self.momentum);
         }
     }
 
@@ -337,25 +459,92 @@ impl SiteCompliance {
         }
         self.inertia.symmetrize();
         self.find_root();
-        for j in 0..size {
+        self.find_motions();
+        self.eliminate();
+        let motions = || self.motions.chunks_exact(size);
+        for j in 0..self.compliance.size() {
             for i in 0..=j {
-                let rows = 0..size;
-                let sum = rows.map(|k| self.root[(k, i)] * self.root[(k, j)]);
-                // A site that is held does not yield.
-                let yields = self.values[(i, i)] > 0.0 && self.values[(j, j)] > 0.0;
-                let sum = if yields { sum.sum() } else { 0.0 };
+                let sum: f64 = motions().map(|motion| motion[i] * motion[j]).sum();
                 (self.compliance[(i, j)], self.compliance[(j, i)]) = (sum, sum);
             }
         }
     }
 
-    /// Finds the velocities that inertia keeps, `a U^T M v`: those of a loose piece, and a part of those of an elastic motion, the smaller the
-    /// stiffer it is.
+    /// Joins the motions of the root with the rigid ones. A column that is held has no part in them.
+    fn find_motions(&mut self) {
+        let (size, count) = (self.loads.len(), self.loose.count());
+        let of = |column: usize, value: f64| {
+            if self.values[(column, column)] > 0.0 {
+                value
+            } else {
+                0.0
+            }
+        };
+        self.motions.clear();
+        for row in 0..size {
+            let entries = (0..size).map(|column| of(column, self.root[(row, column)]));
+            self.motions.extend(entries);
+        }
+        for piece in 0..count {
+            let own = |column: usize| &self.components[column * count + piece];
+            if (0..size).all(|column| *own(column) == [0.0; MOTIONS]) {
+                continue;
+            }
+            for motion in 0..MOTIONS {
+                let entries = (0..size).map(|column| own(column)[motion] * self.inert_time);
+                self.motions.extend(entries);
+                self.is_inert.push(true);
+            }
+        }
+    }
+
+    /// Eliminates the patterns of what holds the piece: their displacements are zero.
+    fn eliminate(&mut self) {
+        let (size, first) = (self.loads.len(), 3 * self.sites.len());
+        if self.loads[first..].iter().all(Vec::is_empty) {
+            return;
+        }
+        let product = |i: usize, j: usize| -> f64 {
+            let motions = self.motions.chunks_exact(size);
+            motions.map(|motion| motion[i] * motion[j]).sum()
+        };
+        for i in 0..PATTERNS {
+            for j in 0..PATTERNS {
+                self.holding[(i, j)] = product(first + i, first + j);
+            }
+            // Patterns may depend on each other: their contacts are softer by the errors of their shapes.
+            self.holding[(i, i)] += ERROR * self.values[(first + i, first + i)];
+        }
+        factorize(&mut self.holding);
+        // The forces by which the patterns answer to a force at a site, by column of the site.
+        let mut forces = Square::zeros(size.max(PATTERNS));
+        for column in 0..first {
+            for pattern in 0..PATTERNS {
+                forces[(pattern, column)] = -product(first + pattern, column);
+            }
+            solve(&self.holding, &mut forces, column);
+        }
+        for motion in self.motions.chunks_exact_mut(size) {
+            let (sites, held) = motion.split_at_mut(first);
+            for (column, site) in sites.iter_mut().enumerate() {
+                let each = held.iter().enumerate();
+                *site += each
+                    .map(|(at, held)| held * forces[(at, column)])
+                    .sum::<f64>();
+            }
+        }
+    }
+
+    /// Finds the velocities that inertia keeps: those of a loose piece, `J R R^T M v`, and `a U^T M v`, a part of those of a deformation, the
+    /// smaller the stiffer it is.
     fn find_drift(&mut self, body: &Body) {
-        let (nodes, (a, _)) = (self.nodes, self.factors);
+        let (nodes, count, (a, _)) = (self.nodes, self.loose.count(), self.factors);
         for (column, drift) in self.drift.iter_mut().enumerate() {
             let shape = &self.shapes[column * nodes..(column + 1) * nodes];
-            *drift = a * weighted(shape, &body.state.v, &body.model.mass);
+            let own = &self.components[column * count..(column + 1) * count];
+            let rigid = own.as_flattened().iter().zip(self.momentum.as_flattened());
+            *drift = a * weighted(shape, &body.state.v, &body.model.mass)
+                + rigid.map(|(of, momentum)| of * momentum).sum::<f64>();
         }
     }
 
@@ -383,7 +572,8 @@ impl SiteCompliance {
         // A motion whose stiffness is its inertia has an eigenvalue of one here.
         self.root.copy_from(&self.inertia);
         self.root.scale(a + b * rate);
-        self.is_inert.fill(false);
+        self.is_inert.clear();
+        self.is_inert.resize(size, false);
         if self.eigen.is_below_one(&self.root) {
             // `(1 - a m) / b` of all motions, and its factor.
             self.inertia.scale(-a / b);
@@ -516,11 +706,23 @@ fn substitute(factor: &Square, values: &mut Square, column: usize) {
     }
 }
 
+/// Replaces a column of `values` by its product with the inverse of `L L^T`.
+fn solve(factor: &Square, values: &mut Square, column: usize) {
+    substitute(factor, values, column);
+    for i in (0..factor.size()).rev() {
+        let mut value = values[(i, column)];
+        for k in i + 1..factor.size() {
+            value -= factor[(k, i)] * values[(k, column)];
+        }
+        values[(i, column)] = value / factor[(i, i)];
+    }
+}
+
 impl<T: Precision> Stepper<T> {
-    /// The displacement of all nodes (m) by a force of 1 N along an axis, spread over nodes by weights, from the `shape` before.
+    /// The displacement of all nodes (m) by forces on nodes (N), from the `shape` before.
     fn response_to(
         &mut self,
-        (weights, axis): (&[(u32, f64)], usize),
+        loads: &[(u32, Vec3)],
         factors: (f64, f64),
         limits: Limits,
         shape: &mut [Vec3],
@@ -532,8 +734,8 @@ impl<T: Precision> Stepper<T> {
             self.cg.residual[place] = to_node(&(u * (-mass_factor * self.places.mass[place])));
         }
         self.subtract_elements(stiffness_factor);
-        for (node, weight) in weights {
-            self.load(*node, &Vec3::ith(axis, *weight));
+        for (node, force) in loads {
+            self.load(*node, force);
         }
         let found = self.iterate(factors, limits, &mut || false);
         for place in self.places.taken() {

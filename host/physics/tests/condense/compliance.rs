@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::{Cells, TetMesh};
 use physics::{
-    Body, BodyConfig, Border, Condenser, Footprint, Freedom, HandlePose, HandleSpec, Mat3,
+    Body, BodyConfig, Border, Condenser, Footprint, Freedom, HandlePose, HandleSpec, Held, Mat3,
     ShapeOptions, SiteCompliance, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
     resultant,
 };
@@ -48,8 +48,13 @@ fn block(mesh: &TetMesh, is_held: bool, handles: &[u32]) -> Body {
     specs.extend(
         (handles.iter()).map(|vertex| spec(vec![*vertex], at(*vertex), Freedom::Translation)),
     );
+    block_of(mesh, if is_held { 3e4 } else { 1e7 }, &specs)
+}
+
+/// A block of this modulus (Pa).
+fn block_of(mesh: &TetMesh, young: f64, specs: &[HandleSpec]) -> Body {
     let material = SolidMaterial {
-        young: if is_held { 3e4 } else { 1e7 },
+        young,
         poisson: 0.4,
         density: 1000.0,
     };
@@ -59,12 +64,13 @@ fn block(mesh: &TetMesh, is_held: bool, handles: &[u32]) -> Body {
         stiffness_damping: 5e-3,
         ..BodyConfig::default()
     };
-    Body::solid(mesh, &[material], SolidLaw::Corotational, config, &specs).unwrap()
+    Body::solid(mesh, &[material], SolidLaw::Corotational, config, specs).unwrap()
 }
 
-/// A light column that is held below, and whose sides do not bulge.
-fn column(mesh: &TetMesh) -> Body {
-    let specs = [spec(side(mesh, -1.0), Vec3::zeros(), Freedom::Fixed)];
+/// A light column whose sides do not bulge, with its lower side held or with all of it loose.
+fn column(mesh: &TetMesh, is_held: bool) -> Body {
+    let below = spec(side(mesh, -1.0), Vec3::zeros(), Freedom::Fixed);
+    let specs = if is_held { vec![below] } else { Vec::new() };
     let material = SolidMaterial {
         young: 3e4,
         poisson: 0.0,
@@ -95,6 +101,11 @@ fn compliance(body: &mut Body, sites: &[Option<u32>]) -> SiteCompliance {
 }
 
 fn spread(body: &mut Body, sites: &[Option<Footprint>]) -> SiteCompliance {
+    spread_beside(body, sites, &[])
+}
+
+/// The compliance of sites of a body that other contacts hold.
+fn spread_beside(body: &mut Body, sites: &[Option<Footprint>], held: &[Held]) -> SiteCompliance {
     let mut stepper = Stepper::<f64>::new(body, StepperOptions::default()).unwrap();
     let targets: Vec<HandlePose> = (0..body.handle_count())
         .map(|_| HandlePose::at(Vec3::zeros()))
@@ -107,7 +118,7 @@ fn spread(body: &mut Body, sites: &[Option<Footprint>]) -> SiteCompliance {
     };
     let mut found = SiteCompliance::new(sites.len());
     found
-        .renew(&mut stepper, body, PERIOD, sites, &options)
+        .renew(&mut stepper, body, PERIOD, sites, held, &options)
         .unwrap();
     found
 }
@@ -141,17 +152,14 @@ fn the_compliance_is_the_inverse_of_the_condensed_stiffness() {
     assert_eq!(found.between(1, 1).norm() + found.between(1, 2).norm(), 0.0);
 }
 
-/// A force that is spread over the upper side as a pressure is, compresses a column whose sides do not bulge by `F h / (E A)`.
-#[test]
-fn a_spread_force_has_the_compliance_of_its_area() {
-    let mesh = mesh();
-    let top = side(&mesh, 1.0);
-    let mut weights: Vec<(u32, f64)> = top.iter().map(|vertex| (*vertex, 0.0)).collect();
+/// The vertices of a side with the fractions of its area for which they stand.
+fn by_area(mesh: &TetMesh, side: &[u32]) -> Vec<(u32, f64)> {
+    let mut weights: Vec<(u32, f64)> = side.iter().map(|vertex| (*vertex, 0.0)).collect();
     let Cells::Linear(cells) = &mesh.cells else {
         panic!("a box of linear cells");
     };
     let faces = cells.iter().filter_map(|tet| {
-        let here: Vec<u32> = tet.iter().copied().filter(|v| top.contains(v)).collect();
+        let here: Vec<u32> = tet.iter().copied().filter(|v| side.contains(v)).collect();
         <[u32; 3]>::try_from(here).ok()
     });
     for face in faces {
@@ -163,7 +171,16 @@ fn a_spread_force_has_the_compliance_of_its_area() {
             }
         }
     }
-    let mut body = column(&mesh);
+    weights
+}
+
+/// A force that is spread over the upper side as a pressure is, compresses a column whose sides do not bulge by `F h / (E A)`.
+#[test]
+fn a_spread_force_has_the_compliance_of_its_area() {
+    let mesh = mesh();
+    let top = side(&mesh, 1.0);
+    let weights = by_area(&mesh, &top);
+    let mut body = column(&mesh, true);
     let found = spread(
         &mut body,
         &[Some(Footprint {
@@ -201,14 +218,24 @@ fn a_direction_of_little_compliance_stays_stiff_beside_a_soft_one() {
     }
 }
 
+/// A handle and a support hold a block alike: no piece of it is loose.
 #[test]
 fn a_site_that_is_held_does_not_yield() {
     let mesh = mesh();
     let held = side(&mesh, -1.0).pop();
     let [top, ..] = points(&mesh).map(Some);
-    let found = compliance(&mut block(&mesh, true, &[]), &[held, top]);
-    assert_eq!(found.between(0, 0).norm() + found.between(0, 1).norm(), 0.0);
-    assert!(found.between(1, 1).trace() > 0.0);
+    let mut supported = block_of(&mesh, 3e4, &[]);
+    supported
+        .add_support(&side(&mesh, -1.0), [true; 3])
+        .unwrap();
+    let bodies = [block(&mesh, true, &[]), supported];
+    let own = bodies.map(|mut body| {
+        let found = compliance(&mut body, &[held, top]);
+        assert_eq!(found.between(0, 0).norm() + found.between(0, 1).norm(), 0.0);
+        found.between(1, 1)
+    });
+    assert!(own[0].trace() > 0.0);
+    assert!((own[0] - own[1]).amax() < 1e-6 * own[0].amax(), "{own:?}");
 }
 
 #[test]
@@ -234,6 +261,50 @@ fn a_loose_body_resists_by_the_inertia_of_a_publication() {
     }
 }
 
+/// A light column lies loose on a floor. Pressed from above it is as stiff as if its foot were held, `E A / h`, while its inertia is 10,000
+/// times softer. Across, inertia alone resists where the floor lets it slip, and the shear of the column where the floor does not.
+#[test]
+fn a_loose_body_on_a_floor_is_as_stiff_as_what_holds_it() {
+    let mesh = mesh();
+    let top = side(&mesh, 1.0);
+    let site = Footprint {
+        node: top[0],
+        weights: by_area(&mesh, &top),
+    };
+    let mut body = column(&mesh, false);
+    let mass: f64 = body.node_masses().iter().sum();
+    let floor = |slips: bool| {
+        let below = by_area(&mesh, &side(&mesh, -1.0));
+        let each = below.into_iter().map(|(node, force)| Held {
+            node,
+            force,
+            normal: Vec3::z(),
+            slips,
+        });
+        each.collect::<Vec<_>>()
+    };
+    let mut yields = |held: &[Held]| {
+        let found = spread_beside(&mut body, &[Some(site.clone())], held);
+        found.between(0, 0)
+    };
+    let (inert, pressed) = (PERIOD * PERIOD / mass, 0.03 / (3e4 * 0.06 * 0.06));
+    let loose = yields(&[]);
+    assert!(loose[(2, 2)] > inert && loose[(2, 2)] < 1.01 * inert);
+    for slips in [true, false] {
+        let found = yields(&floor(slips));
+        // A contact is softer by a hundredth of the deformation of the body alone, which is a third of this one.
+        let error = found[(2, 2)] / pressed - 1.0;
+        assert!(error.abs() < 0.01, "{error}");
+        let across = found[(0, 0)];
+        if slips {
+            assert!(across > inert && across < 1.1 * inert, "{across}");
+        } else {
+            // The shear, `h / (G A)` with `G = E / 2`, and the bending of a short column.
+            assert!(across > 2.0 * pressed && across < 4.0 * pressed, "{across}");
+        }
+    }
+}
+
 #[test]
 fn shapes_are_kept_while_nothing_changes_and_renewed_in_turn() {
     let mesh = mesh();
@@ -251,7 +322,7 @@ fn shapes_are_kept_while_nothing_changes_and_renewed_in_turn() {
     let [a, b, c, d] = points(&mesh).map(Some);
     let mut renewed = |body: &Body, stepper: &mut Stepper<f64>, sites: [Option<u32>; 3]| {
         let sites = sites.map(|site| site.map(Footprint::of));
-        let report = found.renew(stepper, body, PERIOD, &sites, &options);
+        let report = found.renew(stepper, body, PERIOD, &sites, &[], &options);
         report.unwrap().renewed
     };
     assert_eq!(renewed(&body, &mut stepper, [a, b, c]), 9);

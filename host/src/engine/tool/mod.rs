@@ -219,7 +219,7 @@ impl HostTool {
         spread.choose(&mut self.surface.vertices, &mut self.slots);
         self.fill();
         triangles::join(&self.surface, &around, &mut self.patch);
-        self.is_published = self.yield_of(bodies).is_some();
+        self.is_published = self.yield_of(contacts, bodies).is_some();
         if self.is_published {
             self.floor();
             let head = &mut self.patch.head;
@@ -263,7 +263,7 @@ impl HostTool {
     }
 
     /// The compliance and the damping of the sites; `None` if a body near the tool failed to step, or cannot be condensed.
-    fn yield_of(&mut self, bodies: &mut [HostBody]) -> Option<()> {
+    fn yield_of(&mut self, contacts: &Contacts, bodies: &mut [HostBody]) -> Option<()> {
         let options = ShapeOptions {
             tolerance: TOLERANCE,
             at_a_time: RENEWED,
@@ -283,8 +283,10 @@ impl HostTool {
             let room = &mut self.compliance[number];
             let compliance = room.get_or_insert_with(|| Box::new(SiteCompliance::new(MAX_SITES)));
             let footprints = self.surface.footprints(number, &self.slots);
+            let held = near::held(self.spec.obstacle, number, contacts);
             let Beside { body, stepper } = body.beside()?;
-            let renewed = compliance.renew(stepper, body, self.spec.period, &footprints, &options);
+            let period = self.spec.period;
+            let renewed = compliance.renew(stepper, body, period, &footprints, &held, &options);
             renewed.ok()?;
             let head = &mut self.patch.head;
             head.damping = head.damping.max(compliance.damping());

@@ -3,7 +3,7 @@
 use crate::engine::body::HostBody;
 use physics::contact::vicinity::Vicinity;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Side};
-use physics::{Footprint, Vec3};
+use physics::{Footprint, Held, Vec3};
 use rt_core::hull::Hull;
 use std::collections::HashMap;
 
@@ -292,6 +292,27 @@ impl Surface {
             }
         }
     }
+}
+
+/// The nodes of a body at its contacts with obstacles other than the tool, which other tools are too.
+pub(super) fn held(obstacle: usize, body: usize, contacts: &Contacts) -> Vec<Held> {
+    let mut held = Vec::new();
+    for (sides, _, touch) in contacts.points() {
+        let sides = sides.map(|side| contacts.side(side));
+        let is_other = |side: &Side| matches!(side, Side::Obstacle(number) if *number != obstacle);
+        if !sides.contains(&Side::Body(body)) || !sides.iter().any(is_other) {
+            continue;
+        }
+        for (at, weight) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
+            held.push(Held {
+                node: at.node,
+                force: touch.response.normal.abs() * weight.abs(),
+                normal: touch.row.normal,
+                slips: touch.response.slips,
+            });
+        }
+    }
+    held
 }
 
 /// The corners of a triangle (m); `None` for a triangle that the body has no longer.
