@@ -3,29 +3,10 @@
 //! The host publishes the surface near the tool as a [`Patch`]: material points (**sites**), the triangles between them, and how
 //! they yield. The tick finds the contacts and their forces by itself, so that no force waits for the host.
 //!
-//! **Yield.** With `W` the elastic compliance, `f` the forces at the sites and `b` the damping time, the displacement `u` since
-//! the message obeys `u + r = W (f - f0) + b v`, with the viscous stretch `r' = (b / t) u' - r / t`: a standard linear solid, a
-//! spring and a Maxwell arm in parallel, which is passive. Its relaxation time `t` is at least two milliseconds, and long enough for
-//! the transient stiffness to stay below what the device can render. Implicit Euler gives the places of the sites as an affine
-//! function of the forces.
-//!
-//! **Drift.** A surface goes on with the part of its velocity that inertia keeps: a tap would otherwise meet a dent that has stopped. Nothing but
-//! inertia holds a loose piece, whose compliance is that of its inertia over one publication. A hand that carries the piece would feel its sites
-//! stay behind, and its friction would slip and be lost when the hand stops.
-//!
 //! **Floor.** The centre of the tool (the **proxy**) is `c = x + D F`: the hand `x`, the force `F` on it, and the compliance `D` that
 //! is left of the device's stiffest spring beside the surface. The felt stiffness is the lesser one of both, not their series. On a
 //! device of six degrees of freedom the tool turns with the hand, and by the moment about `c` in the same way. With the arms `r`
 //! from `c`, two contacts then have the compliance `D - [r1] Dr [r2]` between them (`[r]`: the matrix of `r x`; `Dr`: the floor of rotation).
-//!
-//! **Messages.** Sites and proxy are where they were when a message comes. The difference to the places of the message fades
-//! within half a period; that of a proxy whose floor changes, in a tenth of a second. A message of other sites can leave a contact without its place on the surface: the force of which this would
-//! deprive the hand in one tick is carried, and fades too. Forces therefore never jump.
-//!
-//! **Friction of the host.** Tick and host stick to places of their own on the material. What one of them slipped would stay between their forces
-//! for ever. The forces on a loose piece balance its weight in the host alone: there, a message leads the friction of contacts that stick a part
-//! of the way to that of the host, by the difference of both forces at the time of the message. On a body that is held, the friction of the tick
-//! is nearer to that of a host in every tick than the friction of a late host.
 //!
 //! **Taking hold.** While the hand takes hold, what presses is held: the contact neither opens nor slips, and nothing else changes. A hand that
 //! lets go loses the force that only a held contact has within half a period, as the difference of a message. The host holds the same points. If a
@@ -37,9 +18,11 @@ mod contacts;
 mod coupling;
 mod forces;
 mod friction;
+mod message;
 mod normal;
 mod past;
 mod patch;
+mod sites;
 #[cfg(test)]
 mod tests;
 
@@ -51,6 +34,7 @@ use contacts::{Contacts, Lengths, Places, Softness, are_clear, find, hold, let_g
 use forces::{Turning, Yielding, solve};
 use nalgebra::UnitQuaternion;
 use past::Past;
+use sites::{Relaxation, SiteState};
 
 pub use contacts::Contact;
 pub use coupling::{ToolCounters, ToolCoupling, ToolCouplingConfig};
@@ -63,33 +47,21 @@ pub const MAX_TRIANGLES: usize = 32;
 /// Largest number of contacts of a tool.
 pub const MAX_CONTACTS: usize = 16;
 
-/// Least relaxation time of the viscous stretch (s): two ticks of the usual loop.
-const RELAXES: f64 = 2e-3;
 /// Largest number of times that the geometry of the contacts is linearized in a tick: once more while something overlaps. Deep in a
 /// soft surface, the force of a moving ball then is right to a thousandth.
 const LINEARIZED: usize = 4;
 /// The ways of tool and surface in a tick, by which contacts are looked for beyond the radius.
 const REACH: f64 = 2.0;
 
-/// The change of the force (N) in the tick of a message, beyond that in the tick before, that is not carried: the jump of a message
-/// that no hand feels.
-const UNFELT: f64 = 0.05;
 /// The compliance of contacts themselves, along their normals and across, as a fraction of that of the device's stiffest spring: 0.1 um/N and
 /// 1 um/N beside 3 kN/m.
 const SOFT: f64 = 3e-4;
 const SOFT_ACROSS: f64 = 3e-3;
 /// The stretch (m) of the device's stiffest spring at whose force a contact that is held comes off: 30 N at 3 kN/m.
 const GRIP: f64 = 0.01;
-/// The publication periods after which the sites of a late host drift no further.
-const DRIFTS: f64 = 3.0;
 /// The time (s) in which the offset of the proxy fades after the floor changed, as where an obstacle comes into reach: the hand is at
 /// another place under the same force, and feels the way back.
 const OFFSET_FADES: f64 = 0.1;
-/// The part of the difference between the friction of the host and of the tick that a message takes away from a loose piece: the rest is a
-/// hundredth after twenty messages, and no message is felt.
-const FOLLOWS: f64 = 0.2;
-/// A viscous stretch (m) that no device renders: 30 pN at 3 kN/m.
-const AT_REST: f64 = 1e-14;
 
 /// A tool: all points within a radius of a hull.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,28 +80,6 @@ pub struct ToolConfig {
     pub most_damping: f64,
     /// The speed at which an overlap parts (m/s).
     pub parting: f64,
-}
-
-/// A site between ticks.
-#[derive(Clone, Copy, Debug)]
-struct SiteState {
-    /// Elastic displacement since the message (m): `u`.
-    stretch: Vec3,
-    /// Viscous stretch (m): `r`.
-    viscous: Vec3,
-    /// The difference to the place of the message when it came (m), which fades.
-    offset: Vec3,
-    /// `b v - W f0` (m), with the velocity without the drift.
-    bias: Vec3,
-}
-
-impl SiteState {
-    const ZERO: Self = Self {
-        stretch: Vec3::new(0.0, 0.0, 0.0),
-        viscous: Vec3::new(0.0, 0.0, 0.0),
-        offset: Vec3::new(0.0, 0.0, 0.0),
-        bias: Vec3::new(0.0, 0.0, 0.0),
-    };
 }
 
 /// A difference between poses that fades: a way (m) and a small rotation vector (rad).
@@ -193,15 +143,6 @@ fn turn(from: &Pose, to: &Pose) -> Mat3 {
 /// The angle between the attitudes of two poses (rad), small ones rightly and others too small by a third at most.
 fn angle(one: &Pose, other: &Pose) -> f64 {
     2.0 * between(one, other).imag().norm()
-}
-
-/// How the viscous stretch of a patch relaxes in a tick.
-#[derive(Clone, Copy, Debug)]
-struct Relaxation {
-    /// The fraction of the viscous stretch that is left after a tick.
-    left: f64,
-    /// The viscous stretch by an elastic displacement in the tick.
-    gain: f64,
 }
 
 /// A tool in contact with one patch.
@@ -362,11 +303,6 @@ impl Tool {
         self.age = age - self.config.period;
     }
 
-    /// The time (s) for which the sites of a patch have drifted, if it is the newest.
-    fn drift_time(&self, patch: &PatchHead) -> f64 {
-        self.age.max(0.0).min(DRIFTS * patch.period)
-    }
-
     /// Tells that the host knew of the hold in the step of the patch that was accepted last.
     pub(super) fn expect_hold(&mut self) {
         self.is_hold_known = true;
@@ -436,24 +372,6 @@ impl Tool {
         let of_bodies = self.contacts.iter();
         let of_bodies = of_bodies.filter(|contact| contact.yields(&self.patch.compliance));
         of_bodies.map(Contact::force).sum()
-    }
-
-    /// Leads the friction of contacts that stick on a loose piece to that of the host in the new patch.
-    fn follow(&mut self) {
-        let older = self.age / self.config.period + 0.5;
-        let Some(was) = self.past.force(older as usize) else {
-            return;
-        };
-        let sites = self.patch.sites.iter();
-        let hosts: Vec3 = sites
-            .take(usize::from(self.patch.head.site_count))
-            .map(|site| -site.force)
-            .sum();
-        let missing = (hosts - was) * (FOLLOWS * (1.0 - self.patch.head.elastic));
-        let fraction = 1.0 / (1.0 + self.relaxation.gain);
-        for contact in &mut self.contacts {
-            contact.lead(&missing, &self.patch, fraction);
-        }
     }
 
     /// Moves the hand to a pose.
@@ -595,18 +513,6 @@ impl Tool {
         wrench.force.norm() + wrench.moment.norm() / (self.extent + self.config.radius)
     }
 
-    /// Carries the wrench of which a message has deprived the hand, beyond what no hand feels.
-    fn carry(&mut self, missing: &Wrench) {
-        let unfelt = UNFELT + self.change;
-        let part = 1.0 - unfelt / self.felt(missing);
-        // The wrench fades from this tick on.
-        self.carried = if part > 0.0 && self.fade > 0.0 {
-            missing.scaled(part / self.fade)
-        } else {
-            Wrench::zero()
-        };
-    }
-
     /// The wrench on the hand. The moment is zero for a tool that keeps its attitude.
     pub fn wrench(&self) -> Wrench {
         self.contact_wrench().plus(&self.carried.scaled(self.fade))
@@ -723,231 +629,6 @@ impl Tool {
             self.is_away = false;
             self.places = self.free();
             self.unloaded = self.places;
-        }
-    }
-
-    /// Takes the pending patch into use. Sites and proxy stay where they are. A contact with a triangle that is there no longer goes on
-    /// at the nearest point of the new surface: without its force, the surface would keep its dent and press less.
-    fn switch(&mut self) {
-        let (old, new) = (&self.patch.head, &self.pending.head);
-        let count = usize::from(new.site_count);
-        let before = usize::from(old.site_count);
-        let mut kept = [false; MAX_SITES];
-        let vertices = self
-            .patch
-            .sites
-            .iter()
-            .zip(&self.pending.sites)
-            .take(before.min(count));
-        for (kept, (one, other)) in kept.iter_mut().zip(vertices) {
-            *kept = old.epoch == new.epoch && one.vertex == other.vertex;
-        }
-        let (was, places) = (self.places, self.rendered(&kept, count));
-        let is_kept = |corner: &u8| kept.get(usize::from(*corner)).copied().unwrap_or_default();
-        let goes_on = |contact: &Contact| {
-            let mut triangles = new.triangles();
-            contact.corners.iter().all(is_kept)
-                && triangles.any(|triangle| triangle.corners == contact.corners)
-        };
-        let mut contacts = Contacts::new();
-        for contact in self.contacts.iter().filter(|contact| goes_on(contact)) {
-            // Both lists have the same room.
-            let _ = contacts.push(*contact);
-        }
-        for contact in &self.contacts {
-            if !goes_on(contact) {
-                let now = new.triangles();
-                contacts::carry(
-                    &mut contacts,
-                    contact,
-                    now,
-                    [&was, &places],
-                    self.config.radius,
-                );
-            }
-        }
-        self.contacts = contacts;
-        let (Wrench { force, moment }, fade) = (self.contact_wrench(), self.fade);
-        let [way, turn] = self.offset.now();
-        let offset = Offset {
-            way: way + (old.floor - new.floor) * force,
-            turn: turn + (old.turning_floor - new.turning_floor) * moment,
-            left: 1.0,
-        };
-        self.carried = self.carried.scaled(fade);
-        self.patch.copy_used_from(&self.pending);
-        self.offset = if before > 0 { offset } else { Offset::ZERO };
-        self.relaxation = self.relaxation();
-        self.is_rigid = self.patch.is_rigid();
-        self.begin_sites(&kept, count);
-        let fraction = -1.0 / (1.0 + self.relaxation.gain);
-        self.unloaded = self.loaded(&self.places, &loads(&self.contacts), fraction);
-        let each = self.sites.iter().zip(&self.patch.sites).take(count);
-        (self.bounds, self.most_offset) = (Bounds::NONE, 0.0);
-        for (state, site) in each {
-            for time in [0.0, DRIFTS * self.patch.head.period] {
-                self.bounds.add(&(site.drifted(time) + state.bias));
-            }
-            self.most_offset = self.most_offset.max(state.offset.norm());
-        }
-        let head = &self.patch.head;
-        self.fade = 1.0;
-        self.fade_step = (2.0 * self.config.period / head.period).min(0.5);
-    }
-
-    /// Lets the present differences fade as if they had come with a message of this tick.
-    fn fade_again(&mut self) {
-        let fade = core::mem::replace(&mut self.fade, 1.0);
-        self.carried = self.carried.scaled(fade);
-        for state in &mut self.sites {
-            state.offset *= fade;
-        }
-        self.most_offset *= fade;
-    }
-
-    /// The sites of the pending patch: those that were there where they are, and the new ones where the host has them (m).
-    fn rendered(&self, kept: &[bool; MAX_SITES], count: usize) -> [Vec3; MAX_SITES] {
-        let mut places = self.places;
-        let drift_time = self.drift_time(&self.pending.head);
-        let each = places.iter_mut().zip(&self.pending.sites).zip(kept);
-        for ((place, site), _) in each.take(count).filter(|(_, kept)| !**kept) {
-            *place = site.drifted(drift_time);
-        }
-        places
-    }
-
-    /// The displacement and the offset of each site of a new patch. A new site has the offset of the nearest one that was there.
-    fn begin_sites(&mut self, kept: &[bool; MAX_SITES], count: usize) {
-        let forces = loads(&self.contacts);
-        let damping = self.patch.head.damping;
-        let drift_time = self.drift_time(&self.patch.head);
-        let each = self
-            .sites
-            .iter_mut()
-            .zip(&self.patch.sites)
-            .zip(&self.patch.compliance);
-        for ((((state, site), row), place), kept) in each.zip(&self.places).zip(kept).take(count) {
-            let pairs = row.iter().zip(&self.patch.sites).zip(&forces).take(count);
-            let mut loaded = Vec3::zeros();
-            state.bias = (site.velocity - site.drift) * damping;
-            for ((block, other), force) in pairs {
-                state.bias -= block * other.force;
-                loaded += block * force;
-            }
-            if *kept {
-                state.stretch = loaded + state.bias - state.viscous;
-                state.offset = place - (site.drifted(drift_time) + state.stretch);
-            } else {
-                (state.viscous, state.offset) = (Vec3::zeros(), Vec3::zeros());
-                state.stretch = loaded + state.bias;
-            }
-        }
-        let states = self.sites;
-        let each = self
-            .sites
-            .iter_mut()
-            .zip(&self.patch.sites)
-            .zip(&mut self.places);
-        for (((state, site), place), _) in each.zip(kept).take(count).filter(|(_, kept)| !**kept) {
-            let others = states.iter().zip(&self.patch.sites).zip(kept).take(count);
-            let others = others.filter(|(_, kept)| **kept).map(|(other, _)| other);
-            let distance = |other: &Site| (other.place - site.place).norm_squared();
-            let nearest = others.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
-            if let Some((nearest, _)) = nearest {
-                state.viscous = nearest.viscous;
-                state.stretch -= nearest.viscous;
-                state.offset = nearest.offset;
-            }
-            *place = site.drifted(drift_time) + state.stretch + state.offset;
-        }
-    }
-
-    /// How the viscous stretch of the patch relaxes. The transient stiffness `K (1 + gain)` is at most that of the device's stiffest
-    /// spring, and the damping is at most that which the device can render.
-    fn relaxation(&self) -> Relaxation {
-        let (head, config) = (&self.patch.head, &self.config);
-        let most = config.stiffest / head.stiffness - 1.0;
-        let damping = head.damping.min(config.most_damping / head.stiffness);
-        if most <= 0.0 || damping <= 0.0 {
-            return Relaxation {
-                left: 0.0,
-                gain: 0.0,
-            };
-        }
-        let time = RELAXES.max(damping / most - config.period);
-        Relaxation {
-            left: time / (time + config.period),
-            gain: damping / (time + config.period),
-        }
-    }
-
-    /// The sites without contact forces (m).
-    fn free(&self) -> [Vec3; MAX_SITES] {
-        let Relaxation { left, gain } = self.relaxation;
-        let mut free = [Vec3::zeros(); MAX_SITES];
-        let count = usize::from(self.patch.head.site_count);
-        let drift_time = self.drift_time(&self.patch.head);
-        let each = self.sites.iter().zip(&self.patch.sites);
-        for (free, (state, site)) in free.iter_mut().zip(each).take(count) {
-            let stretch = state.bias - state.viscous * left + state.stretch * gain;
-            *free = site.drifted(drift_time) + state.offset * self.fade + stretch / (1.0 + gain);
-        }
-        free
-    }
-
-    /// The sites under contact forces (m).
-    fn loaded(
-        &self,
-        free: &[Vec3; MAX_SITES],
-        forces: &[Vec3; MAX_SITES],
-        fraction: f64,
-    ) -> [Vec3; MAX_SITES] {
-        let mut places = *free;
-        if self.is_rigid {
-            return places;
-        }
-        let count = usize::from(self.patch.head.site_count);
-        let mut loaded = heapless::Vec::<(usize, Vec3), MAX_SITES>::new();
-        for (force, at) in forces.iter().zip(0..count) {
-            if *force != Vec3::zeros() {
-                // There is room for all sites.
-                let _ = loaded.push((at, force * fraction));
-            }
-        }
-        for (place, row) in places.iter_mut().zip(&self.patch.compliance).take(count) {
-            for (at, force) in &loaded {
-                *place += row.get(*at).map_or(Vec3::zeros(), |block| block * force);
-            }
-        }
-        places
-    }
-
-    /// The largest way of a site since the last tick if the contact forces stay, with the sites without contact forces (m).
-    fn most_way(&self, free: &[Vec3; MAX_SITES]) -> f64 {
-        let count = usize::from(self.patch.head.site_count);
-        let each = free.iter().zip(&self.unloaded).take(count);
-        each.map(|(place, before)| (place - before).norm())
-            .fold(0.0, f64::max)
-    }
-
-    /// Ends a tick: the displacement and the viscous stretch of each site.
-    fn relax(&mut self, places: &[Vec3; MAX_SITES]) {
-        let Relaxation { left, gain } = self.relaxation;
-        let count = usize::from(self.patch.head.site_count);
-        let drift_time = self.drift_time(&self.patch.head);
-        let each = self.sites.iter_mut().zip(&self.patch.sites).zip(places);
-        for ((state, site), place) in each.take(count) {
-            let stretch = place - site.drifted(drift_time) - state.offset * self.fade;
-            state.viscous = state.viscous * left + (stretch - state.stretch) * gain;
-            state.stretch = stretch;
-        }
-        let mut each = self.sites.iter_mut().take(count);
-        let is_free = self.contacts.is_empty();
-        self.is_at_rest = is_free && each.all(|state| state.viscous.amax() < AT_REST);
-        if self.is_at_rest {
-            for state in self.sites.iter_mut().take(count) {
-                (state.viscous, state.stretch) = (Vec3::zeros(), state.bias);
-            }
         }
     }
 }

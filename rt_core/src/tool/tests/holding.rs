@@ -3,6 +3,7 @@
 use super::shapes::{floor, plate};
 use super::turning::{TURNING, hand, rigid, turning};
 use super::*;
+use crate::tool::message::UNFELT;
 
 /// The stiffness (N/m) of a device of 3 kN/m in series with a contact that is held, along its normal and across.
 const ALONG: f64 = STIFFEST / (1.0 + SOFT);
