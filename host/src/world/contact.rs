@@ -85,12 +85,20 @@ pub struct ContactPair {
     pub distance: f64,
     /// The largest pressure of the contacts (Pa).
     pub pressure: f64,
+    /// The largest normal force of a contact (N).
+    pub force: f64,
 }
 
 /// The largest pressure of contacts, in Young's moduli: the largest one of each body (of a weave, that of its warp),
 /// and the smaller one of both bodies. A linear tetrahedron is flat at one
 /// modulus; a vertex of a coarse mesh bears the force of a sharp press alone, and a thread presses on a narrow area.
 const CRUSHING: f64 = 100.0;
+
+/// The largest force (N) of a contact of a tool is at least this, the force of a spring of 3 kN/m in a depth of 20 mm, and at least this many
+/// times the largest force of its device. A hand presses no harder. Without a bound, a tool that its path moves into vertices that are held
+/// would push the vertices beside them out of its way with kilonewtons.
+const HARDEST: f64 = 60.0;
+const HARDER: f64 = 2.0;
 
 /// The contacts of a world.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -103,7 +111,8 @@ pub struct Contacts {
 
 impl Contacts {
     /// The contacts of a scene with these bodies.
-    pub(super) fn new(scene: &Scene, bodies: &[Built]) -> Self {
+    pub(super) fn new(loaded: &LoadedScene, bodies: &[Built]) -> Self {
+        let scene = &loaded.scene;
         if !scene.has_contact() {
             return Self::default();
         }
@@ -119,6 +128,13 @@ impl Contacts {
             Thing::Body(index) => radii[index],
             Thing::Obstacle(_) => 0.0,
         };
+        let hardest = |thing: Thing| {
+            let mut tools = scene.numbered_tools();
+            let tool = tools.find(|(_, _, obstacle)| thing == Thing::Obstacle(*obstacle));
+            tool.map_or(f64::INFINITY, |(_, device, _)| {
+                HARDEST.max(HARDER * loaded.models[device].max_force)
+            })
+        };
         let pairs = touching(scene).into_iter().map(|between| {
             let [one, other] = between;
             let given = given(scene, between);
@@ -133,6 +149,7 @@ impl Contacts {
                 friction: friction.unwrap_or(FRICTION),
                 distance: thickness.unwrap_or_else(|| radius(one) + radius(other)),
                 pressure: hardness(one).min(hardness(other)),
+                force: hardest(other),
             }
         });
         let pairs = pairs.collect();
@@ -223,6 +240,7 @@ impl super::World<'_> {
                 distance: pair.distance,
                 friction: pair.friction,
                 pressure: pair.pressure,
+                force: pair.force,
             })
         });
         Ok(found)

@@ -97,7 +97,7 @@ impl<'a> World<'a> {
             .map(|index| obstacle::build(loaded, index))
             .chain(tools)
             .collect::<Result<Vec<_>, _>>()?;
-        let contacts = Contacts::new(scene, &bodies);
+        let contacts = Contacts::new(loaded, &bodies);
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
         tool::check_start(loaded, &obstacles)?;
         warnings.extend(narrow::warnings(loaded, &bodies, &obstacles, &contacts));

@@ -95,6 +95,7 @@ impl Blocks {
                 distance: DISTANCE,
                 friction,
                 pressure: f64::INFINITY,
+                force: f64::INFINITY,
             }),
             _ => None,
         });

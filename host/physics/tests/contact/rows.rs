@@ -57,6 +57,7 @@ impl Scene {
                 let by_radii = Meeting::by_radii(surfaces, 0.3)(one, other)?;
                 Some(Meeting {
                     pressure: self.pressure,
+                    force: f64::INFINITY,
                     ..by_radii
                 })
             },

@@ -111,11 +111,13 @@ impl World {
                 distance: 2.0 * radius,
                 friction,
                 pressure,
+                force: f64::INFINITY,
             }),
             _ => Some(Meeting {
                 distance: radius,
                 friction,
                 pressure,
+                force: f64::INFINITY,
             }),
         });
     }

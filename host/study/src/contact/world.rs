@@ -167,11 +167,13 @@ impl World {
                 distance: 2.0 * RADIUS,
                 friction,
                 pressure: f64::INFINITY,
+                force: f64::INFINITY,
             }),
             _ => Some(Meeting {
                 distance: RADIUS,
                 friction,
                 pressure: f64::INFINITY,
+                force: f64::INFINITY,
             }),
         });
     }

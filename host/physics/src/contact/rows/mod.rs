@@ -59,6 +59,8 @@ pub struct Meeting {
     /// The largest pressure (Pa) of a contact. Where there is no room for the thickness between things that are pushed, rows act
     /// against each other, and their forces would grow without bound.
     pub pressure: f64,
+    /// The largest normal force (N) of a contact.
+    pub force: f64,
 }
 
 impl Meeting {
@@ -70,6 +72,7 @@ impl Meeting {
                 distance: radius(one) + radius(other),
                 friction,
                 pressure: f64::INFINITY,
+                force: f64::INFINITY,
             })
         }
     }
@@ -515,7 +518,7 @@ impl Rows {
                 friction_stiffness: 0.0,
                 carried: 0.0,
                 most: meeting.map_or(f64::INFINITY, |of| {
-                    of.pressure * least_area(step.surfaces, at)
+                    of.force.min(of.pressure * least_area(step.surfaces, at))
                 }),
                 anchored: Vec3::zeros(),
                 is_held: false,
