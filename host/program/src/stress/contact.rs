@@ -32,7 +32,9 @@ pub(super) struct ContactArguments {
 }
 
 pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
-    let _held = arguments.cells.declare(Declared::default()).check()?;
+    let declared = arguments.cells.declare(Declared::default());
+    let declared = declared.folder("--folder", arguments.folder.as_ref(), |_| true);
+    let _held = declared.check()?;
     let seed = arguments.cells.seed;
     let length = match (arguments.quick, arguments.long) {
         (_, true) => Length::Long,
