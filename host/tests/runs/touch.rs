@@ -107,6 +107,45 @@ fn a_ball_on_facets_larger_than_itself_is_felt_late_as_in_every_tick() {
     assert!(peak > 2.0 && error < 0.02, "{error} of {peak}");
 }
 
+/// A light block lies loose on a table, which holds it against the ball.
+#[test]
+fn a_ball_on_a_loose_block_is_felt_late_as_in_every_tick() {
+    let (error, peak) = lateness(&[
+        ("[12, 12, 6]", "[6, 6, 3]"),
+        ("density = 1000.0", "density = 100.0"),
+        (
+            "[[body.support]]         # held by the table",
+            "[[obstacle]]",
+        ),
+        (
+            "group = \"bottom\"",
+            "shape = \"plane\"\nposition = [0.0, 0.0, -0.0301]",
+        ),
+    ]);
+    assert!(peak > 2.0 && error < 0.03, "{error} of {peak}");
+}
+
+/// The ball meets two blocks beside each other, one of them stiffer, and slides from the first one to the other.
+#[test]
+fn a_ball_on_two_blocks_is_felt_late_as_in_every_tick() {
+    let second = "[[body]]\nname = \"second\"\nposition = [0.0255, 0.0, 0.0]\ndamping = { mass = 0.1, stiffness = 0.005 }\n\
+                  mesh.box = { size = [0.05, 0.1, 0.06], cells = [6, 12, 6] }\n\
+                  material = { law = \"corotational\", young = 60e3, poisson = 0.4, density = 1000.0 }\n\
+                  [[body.support]]\nname = \"table\"\ngroup = \"bottom\"\n\n[[tool]]";
+    let (error, peak) = lateness(&[
+        (
+            "[0.1, 0.1, 0.06], cells = [12, 12, 6]",
+            "[0.05, 0.1, 0.06], cells = [6, 12, 6]",
+        ),
+        (
+            "name = \"block\"",
+            "name = \"block\"\nposition = [-0.0255, 0.0, 0.0]",
+        ),
+        ("[[tool]]", second),
+    ]);
+    assert!(peak > 2.0 && error < 0.03, "{error} of {peak}");
+}
+
 /// The ball of the shipped scene, and another one beside it on a device of its own.
 fn two_balls() -> LoadedScene {
     let text = coarse().source.text;
