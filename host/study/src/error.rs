@@ -33,6 +33,12 @@ pub enum StudyError {
         /// Length of the runs (s).
         duration: f64,
     },
+    /// The reference has the hands of a scene hold handles, and no tools.
+    #[error(
+        "the reference moves handles alone, and the tool {0:?} touches. A host that steps in every tick tells its force: \
+         palpate run --set host.step_rate=1000 --set host.publish_rate=1000 --set host.latency=0"
+    )]
+    Tool(String),
     /// The host of a run panicked.
     #[error("the host panicked: {0}")]
     Host(String),

@@ -317,3 +317,21 @@ fn the_reference_feels_what_its_bodies_touch() {
         assert!(error.relative < 0.03, "{error:?}");
     }
 }
+
+/// The reference moves handles. A scene with a tool has none, and the comparison says why.
+#[test]
+fn a_scene_with_a_tool_has_no_reference() {
+    const LIFT: &str = include_str!("../../../scenes/lift.toml");
+    let loaded = Scene::load_texts("lift.toml", LIFT, &BTreeMap::new());
+    let settings = Settings {
+        schemes: vec![SchemeName::Capped],
+        duration: Some(0.1),
+        ..Settings::default()
+    };
+    let found = compare(&loaded.expect("the scene is sound"), &settings, &|_| ());
+    let found = found.expect("it runs");
+    let why = found.no_reference.as_deref().unwrap_or_default();
+    assert!(why.contains("\"left ball\""), "{why}");
+    let devices = found.runs[0].measures.devices.iter();
+    assert!(devices.into_iter().all(|device| device.error.is_none()));
+}

@@ -332,6 +332,9 @@ pub(super) fn rest(trial: &Trial, run: &mut Trace, bodies: Vec<Body>) -> Result<
 
 /// Runs the reference of the cell of `trial`.
 pub(crate) fn run(trial: &Trial) -> Result<Trace, StudyError> {
+    if let Some(tool) = trial.loaded.scene.tools.first() {
+        return Err(StudyError::Tool(tool.name.clone()));
+    }
     let mut copy = Copy::new(trial)?;
     let stored = copy.bodies.all().map(Body::total_energy).sum();
     let built = host::world::World::new(&trial.loaded)?;
