@@ -259,13 +259,11 @@ impl SiteCompliance {
                 1.0 / (period * period) + config.mass_damping / period,
                 1.0 + config.stiffness_damping / period,
             );
-            self.shapes.clear();
-            self.shapes.resize(self.loads.len() * nodes, Vec3::zeros());
             self.sites.fill_with(Site::default);
-            self.loads.fill_with(Vec::new);
             let supports = &body.constraints.supports;
             let is_held = |node| !stepper.is_free(node) || supports.owner_of(node).is_some();
             self.loose.find(body, &is_held);
+            self.begin();
         }
         for place in 0..self.sites.len() {
             let site = sites.get(place).and_then(Option::as_ref);
@@ -275,6 +273,21 @@ impl SiteCompliance {
                 (own.node, own.state) = (node, None);
                 (3 * place..3 * place + 3).for_each(|column| self.clear(column));
             }
+        }
+    }
+
+    /// Makes room for the columns, and forgets all. A body without loose pieces has no columns for patterns.
+    fn begin(&mut self) {
+        let patterns = if self.loose.count() > 0 { PATTERNS } else { 0 };
+        let columns = 3 * self.sites.len() + patterns;
+        self.loads.clear();
+        self.loads.resize(columns, Vec::new());
+        self.shapes.clear();
+        self.shapes.resize(columns * self.nodes, Vec3::zeros());
+        self.eigen = Eigen::new(columns);
+        let own = [&mut self.values, &mut self.mass, &mut self.factor];
+        for matrix in own.into_iter().chain([&mut self.inertia, &mut self.root]) {
+            *matrix = Square::zeros(columns);
         }
     }
 
@@ -330,7 +343,7 @@ impl SiteCompliance {
         self.held.extend(held.iter().filter(of_piece));
         let was_held = self.loads[first..].iter().any(|load| !load.is_empty());
         patterns(&self.held, &body.state.x, &mut self.loads[first..]);
-        for column in first..first + PATTERNS {
+        for column in first..self.loads.len() {
             if self.loads[column].is_empty() {
                 self.clear(column);
             } else {
