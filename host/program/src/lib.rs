@@ -269,7 +269,7 @@ impl Task {
 
 /// The arguments of the command line. Prints help and errors; the error is the exit code.
 fn parsed() -> Result<Arguments, u8> {
-    let program = with_negative_numbers(Arguments::command());
+    let program = command();
     let given: Vec<_> = std::env::args_os().skip(1).collect();
     let words: Vec<_> = given
         .iter()
@@ -287,6 +287,11 @@ fn parsed() -> Result<Arguments, u8> {
             printing::print_message(&message);
             u8::try_from(message.exit_code()).unwrap_or(1)
         })
+}
+
+/// The commands and options of the program with their help, from which the package's man pages and completions are made.
+pub fn command() -> Command {
+    with_negative_numbers(Arguments::command())
 }
 
 /// The command, all of whose options take negative numbers: an option that does not allow one says what it allows.
