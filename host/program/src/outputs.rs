@@ -40,6 +40,8 @@ pub(super) enum Format {
     Rows,
     /// A scene.
     Toml,
+    /// A script for the shell.
+    Script,
     /// A mesh; the ending says in which of the formats.
     Mesh,
 }
@@ -62,6 +64,7 @@ impl Format {
             Self::Mcap => &["mcap"],
             Self::Csv | Self::Rows => &["csv"],
             Self::Toml => &["toml"],
+            Self::Script => &["sh"],
             Self::Mesh => &["msh", "vtk", "vtu"],
         }
     }
