@@ -13,7 +13,7 @@ use crate::held_back::{HeldBackByBody, HeldBackByDevice};
 use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
 use crate::publication::Publication;
-use crate::record::{Telemetry, ToolTelemetry};
+use crate::record::{Stamps, Telemetry, ToolTelemetry};
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::slip::Asked;
 use crate::tool::{PatchFault, PatchHead, ToolCoupling, ToolCouplingConfig};
@@ -651,46 +651,44 @@ pub fn cycle<D: Device + ?Sized>(
     devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
-    cycle_watched(controller, devices, now_ns, |_| 0)
+    cycle_timed(controller, devices, now_ns, || 0)
 }
 
-/// The stages of a tick with its devices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// No device has been read.
-    Begun,
-    /// The device of this index has been read.
-    Read(usize),
-    /// The controller has computed the wrenches.
-    Computed,
-    /// The device of this index has been given its wrench.
-    Written(usize),
-}
-
-/// Does what [`cycle`] does, and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time
-/// since the tick woke (ns), or zero if no clock runs.
-pub fn cycle_watched<D: Device + ?Sized>(
+/// Does what [`cycle`] does, and stamps the times within the tick. `took` returns the time since the tick woke (ns), or zero
+/// if no clock runs.
+pub fn cycle_timed<D: Device + ?Sized>(
     controller: &mut Controller,
     devices: &mut [impl DerefMut<Target = D>],
     time: impl Into<TickTime>,
-    mut watch: impl FnMut(Stage) -> u64,
+    took: impl Fn() -> u64,
 ) -> (Telemetry, u32) {
     let time = time.into();
-    watch(Stage::Begun);
+    let mut stamps = Stamps {
+        began_ns: took(),
+        ..Stamps::default()
+    };
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-    // Not `enumerate`: the compiler does not know that its count cannot overflow.
-    for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
+    let each = readings.iter_mut().zip(&mut stamps.read_ns);
+    for (device, (reading, read_ns)) in devices.iter_mut().zip(each) {
         *reading = device.read(time.now_ns);
-        watch(Stage::Read(index));
+        *read_ns = took();
     }
     let (mut commands, mut telemetry) = controller.tick(time, &readings);
-    controller.end(watch(Stage::Computed), &mut commands, &mut telemetry);
+    controller.end(took(), &mut commands, &mut telemetry);
     let mut refused: u32 = 0;
-    for ((device, command), index) in devices.iter_mut().zip(&commands).zip(0..MAX_DEVICES) {
+    let each = stamps
+        .written_ns
+        .iter_mut()
+        .zip(&mut stamps.motion_to_force_ns);
+    for ((device, command), (written_ns, motion_to_force_ns)) in
+        devices.iter_mut().zip(&commands).zip(each)
+    {
         if device.write(time.now_ns, command).is_err() {
             refused = refused.saturating_add(1);
         }
-        watch(Stage::Written(index));
+        *written_ns = took();
+        *motion_to_force_ns = device.motion_to_force_ns().unwrap_or(0);
     }
+    telemetry.stamps = stamps;
     (telemetry, refused)
 }

@@ -70,7 +70,7 @@ pub mod tool;
 mod trust;
 pub mod velocity;
 
-pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};
+pub use controller::{Controller, ControllerConfig, TickTime, cycle, cycle_timed};
 pub use device::{
     Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Reading,
     Rendering,

@@ -21,6 +21,7 @@
 pub mod clock;
 pub mod cores;
 pub mod degradation;
+pub mod kernel;
 pub mod latency;
 pub mod link;
 pub mod memory;

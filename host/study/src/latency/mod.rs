@@ -1,0 +1,3 @@
+//! The latency of the whole loop.
+
+pub mod percentile;
