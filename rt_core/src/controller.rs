@@ -16,6 +16,7 @@ use crate::publication::Publication;
 use crate::record::{Stamps, Telemetry, ToolTelemetry};
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::slip::Asked;
+use crate::square_wave::SquareWave;
 use crate::tool::{PatchFault, PatchHead, ToolCoupling, ToolCouplingConfig};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 #[expect(
@@ -43,6 +44,8 @@ pub struct ControllerConfig {
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
     /// The tool of each device, by device. A device may hold a handle of a body, too: both forces add up.
     pub tools: [Option<ToolCouplingConfig>; MAX_DEVICES],
+    /// The square wave that each device is commanded beside the forces of bodies and tools, by device.
+    pub square_waves: [Option<SquareWave>; MAX_DEVICES],
 }
 
 /// The controller: the law and its whole state.
@@ -217,9 +220,10 @@ impl Controller {
             pool: 0.0,
         };
         // The lists have the capacities of those in the configuration.
-        for device in &config.devices {
+        for (device, wave) in config.devices.iter().zip(config.square_waves) {
             let number = new.channels.len();
-            let channel = Channel::new(number, device.frame, device.safety);
+            let mut channel = Channel::new(number, device.frame, device.safety);
+            channel.square_wave = wave;
             let _ = new.channels.push(channel);
         }
         for body in &config.bodies {

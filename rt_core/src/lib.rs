@@ -66,6 +66,7 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 mod slip;
+pub mod square_wave;
 pub mod tool;
 mod trust;
 pub mod velocity;

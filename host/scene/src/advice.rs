@@ -40,7 +40,7 @@ const SYNONYMS: [(&str, &str); 31] = [
 const SOLVERS: [&str; 2] = ["assembled", "frozen_single"];
 
 /// The fields of each table.
-const TABLES: [(&str, &[&str]); 17] = [
+const TABLES: [(&str, &[&str]); 18] = [
     (
         "",
         &[
@@ -170,6 +170,7 @@ const TABLES: [(&str, &[&str]); 17] = [
             "continuous_force",
             "heat_time",
             "grip_weight",
+            "square_wave",
             "engage",
             "motion_scale",
             "mounting",
@@ -185,6 +186,7 @@ const TABLES: [(&str, &[&str]); 17] = [
         &["arm", "arm_button", "dead_man_button", "stop_button"],
     ),
     ("device.mounting", &["origin"]),
+    ("device.square_wave", &["half_period"]),
     (
         "device.hand",
         &[
@@ -202,7 +204,7 @@ const TABLES: [(&str, &[&str]); 17] = [
 ];
 
 /// Examples of fields that are tables or lists.
-const EXAMPLES: [(&str, &str); 20] = [
+const EXAMPLES: [(&str, &str); 21] = [
     ("mesh", "mesh.file = \"liver.msh\""),
     (
         "material",
@@ -218,6 +220,7 @@ const EXAMPLES: [(&str, &str); 20] = [
     ("rotation", "rotation = { axis = [0, 0, 1], degrees = 90 }"),
     ("displacement", "displacement = [0, 0, -0.01]"),
     ("force", "force = [0, 0, -1]"),
+    ("square_wave", "square_wave = { force = [0, 0, 1] }"),
     ("hand", "hand = { grip = \"typical\" }"),
     (
         "waypoints",

@@ -23,6 +23,7 @@ use rt_core::engage::EngageConfig;
 use rt_core::heat::HeatConfig;
 use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
+use rt_core::square_wave::SquareWave;
 use rt_core::tool::{ToolConfig, ToolCouplingConfig};
 use rt_core::{
     Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Vec3,
@@ -253,6 +254,10 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
+        config.square_waves[index] = spec.square_wave.map(|wave| SquareWave {
+            force: wave.force.into(),
+            half_period_ns: (wave.half_period * 1e9).round() as u64,
+        });
     }
     // The couplings of the bodies that a device holds damp it together as the scene says.
     let mut hold_damping = [0.0; MAX_DEVICES];

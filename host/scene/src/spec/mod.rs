@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
 pub use contact::{Contact, Obstacle};
-pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED};
+pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED, SquareWave};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;
