@@ -13,6 +13,7 @@ mod bench;
 mod compare;
 mod device;
 mod fault;
+mod latency;
 mod mesh;
 mod operator;
 mod order;
@@ -73,6 +74,7 @@ Examples:
   palpate sweep my_scene.toml --set body[0].material.young=1e5,2e5,4e5
                                                run a scene for each value of a field
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
+  palpate latency --report latency.md          measure the latency of this machine, for a paper
   palpate device list                          print which devices are connected, and how a scene names them
   palpate bench speed --quick                  measure run time against error, and compare with other programs
   palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
@@ -95,6 +97,8 @@ enum Task {
     Device(device::DeviceArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
+    /// Measure how late the loop is, how often, and where from, alone and under load
+    Latency(latency::LatencyArguments),
     /// Test devices, schemes and scenes at their limits, before a person touches a device
     Stress(stress::StressArguments),
     /// Show a run that is under way, or play a log back: in the terminal, in a browser, or in Foxglove
@@ -182,6 +186,10 @@ enum CommandError {
         "--force-displacement: no support of the scene is displaced; give a [[body.support]] a `displacement`"
     )]
     NothingDisplaced,
+    #[error("--square-wave: {0}")]
+    SquareWave(String),
+    #[error("the system gave no process for the load: {0}; measure without it by --load none")]
+    Load(std::io::Error),
     #[error("the solve stopped before full load; the reason is above")]
     NotSolved,
     #[error(transparent)]
@@ -211,6 +219,7 @@ impl CommandError {
             | Self::Sweep(_)
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
+            | Self::SquareWave(_)
             | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
             | Self::Study(
                 study::StudyError::Scene(_)
@@ -236,8 +245,8 @@ impl CommandError {
 
 /// Executes the command that the arguments of the process name. Returns the exit code.
 pub fn main() -> ExitCode {
-    // The process of a plug-in is this program.
-    if let Some(code) = devices::plugin::served() {
+    // The processes of a plug-in and of a load are this program.
+    if let Some(code) = devices::plugin::served().or_else(latency::served) {
         return code;
     }
     panics::report_in_one_line();
@@ -259,7 +268,7 @@ impl Task {
     /// Whether the command has an end of its own for signals.
     fn ends_by_itself(&self) -> bool {
         match self {
-            Self::Run(_) | Self::Device(_) => true,
+            Self::Run(_) | Self::Device(_) | Self::Latency(_) => true,
             #[cfg(feature = "view")]
             Self::View(_) => true,
             _ => false,
@@ -322,6 +331,7 @@ fn execute(command: Option<Task>) -> u8 {
         Task::Mesh(arguments) => mesh::run(&arguments),
         Task::Device(arguments) => device::run(&arguments),
         Task::Bench(arguments) => bench::run(&arguments),
+        Task::Latency(arguments) => latency::run(&arguments),
         Task::Stress(arguments) => stress::run(&arguments),
         #[cfg(feature = "view")]
         Task::View(arguments) => view::run(&arguments),

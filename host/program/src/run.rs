@@ -242,7 +242,7 @@ fn pace(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a priority under SCHED_FIFO.
-fn priority(text: &str) -> Result<u8, String> {
+pub(super) fn priority(text: &str) -> Result<u8, String> {
     let allowed = text.parse().ok().filter(|value| (1..=99).contains(value));
     allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
 }

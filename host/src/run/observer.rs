@@ -6,7 +6,7 @@
 use super::collect::Collected;
 use super::contacts::ContactSteps;
 use crate::record::ContactStep;
-use runner::kernel::KernelCounts;
+use runner::kernel::KernelWindow;
 use runner::link::LogRecord;
 use std::path::PathBuf;
 
@@ -21,17 +21,6 @@ pub struct Observed {
     pub degradations: Vec<String>,
     /// The files that could not be written. The reasons are among the failures.
     pub unwritten: Vec<PathBuf>,
-}
-
-/// What the kernel counted for the tick's thread between two times of the run (ns).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct KernelWindow {
-    /// The time of the previous reading.
-    pub from_ns: u64,
-    /// The time of this reading.
-    pub to_ns: u64,
-    /// The counts that were added.
-    pub counts: KernelCounts,
 }
 
 /// An observer of a run.

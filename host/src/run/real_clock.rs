@@ -5,7 +5,7 @@
 //! the host panics, the tick continues: its force fades, and the summary reports the panic.
 
 use super::ended::{Ended, HostSide};
-use super::observer::{KernelWindow, Observed, Observers};
+use super::observer::{Observed, Observers};
 use super::prepare::Prepared;
 use super::slow_host::SlowWatch;
 use super::subscribers::Subscribers;
@@ -14,10 +14,9 @@ use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
-use runner::clock::now_ns;
-use runner::kernel::{KernelCounts, KernelWatch};
+use runner::kernel::KernelWindows;
 use runner::link::{HostEnd, LogEnd};
-use runner::{RunnerConfig, Stop, TickThread, spawn};
+use runner::{RunnerConfig, Stop, spawn};
 use std::any::Any;
 use std::io;
 use std::sync::Arc;
@@ -216,40 +215,5 @@ fn log_loop(
         }
         observers.drained();
         std::thread::sleep(LOG_PERIOD);
-    }
-}
-
-/// The counts of the kernel for the tick's thread, window after window.
-struct KernelWindows {
-    watch: KernelWatch,
-    first_deadline_ns: u64,
-    /// The time of the last reading (ns of the run), and the counts so far.
-    last: (u64, KernelCounts),
-}
-
-impl KernelWindows {
-    /// The windows from now on; `None` if the system does not tell the counts.
-    fn of(thread: &TickThread) -> Option<Self> {
-        let watch = KernelWatch::new(thread.number()).ok()?;
-        let counts = watch.read()?;
-        let first_deadline_ns = thread.first_deadline_ns();
-        let now_ns = now_ns().saturating_sub(first_deadline_ns);
-        Some(Self {
-            watch,
-            first_deadline_ns,
-            last: (now_ns, counts),
-        })
-    }
-
-    /// The window until now; `None` once the thread has ended.
-    fn next(&mut self) -> Option<KernelWindow> {
-        let counts = self.watch.read()?;
-        let to_ns = now_ns().saturating_sub(self.first_deadline_ns);
-        let (from_ns, before) = std::mem::replace(&mut self.last, (to_ns, counts));
-        Some(KernelWindow {
-            from_ns,
-            to_ns,
-            counts: counts.since(&before),
-        })
     }
 }

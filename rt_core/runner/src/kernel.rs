@@ -3,6 +3,8 @@
 //! The tick itself makes no system call to ask for these counts. Another thread reads them from `/proc/self/task`
 //! (`proc_pid_stat(5)`, `proc_pid_status(5)`), and attributes what was added to the time since its previous reading.
 
+use crate::clock::now_ns;
+use crate::thread::TickThread;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
@@ -74,6 +76,53 @@ impl KernelWatch {
             minor_faults,
             major_faults,
             involuntary_switches,
+        })
+    }
+}
+
+/// What the kernel counted for the tick's thread between two times of the run (ns).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KernelWindow {
+    /// The time of the previous reading.
+    pub from_ns: u64,
+    /// The time of this reading.
+    pub to_ns: u64,
+    /// The counts that were added.
+    pub counts: KernelCounts,
+}
+
+/// The counts of the kernel for the tick's thread, window after window.
+#[derive(Debug)]
+pub struct KernelWindows {
+    watch: KernelWatch,
+    first_deadline_ns: u64,
+    /// The time of the last reading (ns of the run), and the counts so far.
+    last: (u64, KernelCounts),
+}
+
+impl KernelWindows {
+    /// The windows from now on; `None` if the system does not tell the counts.
+    pub fn of(thread: &TickThread) -> Option<Self> {
+        let watch = KernelWatch::new(thread.number()).ok()?;
+        let counts = watch.read()?;
+        let first_deadline_ns = thread.first_deadline_ns();
+        let now_ns = now_ns().saturating_sub(first_deadline_ns);
+        Some(Self {
+            watch,
+            first_deadline_ns,
+            last: (now_ns, counts),
+        })
+    }
+
+    /// The window until now; `None` once the thread has ended.
+    pub fn next(&mut self) -> Option<KernelWindow> {
+        let counts = self.watch.read()?;
+        let to_ns = now_ns().saturating_sub(self.first_deadline_ns);
+        let (from_ns, before) = std::mem::replace(&mut self.last, (to_ns, counts));
+        Some(KernelWindow {
+            from_ns,
+            to_ns,
+            counts: counts.since(&before),
         })
     }
 }

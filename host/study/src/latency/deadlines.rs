@@ -72,7 +72,7 @@ mod tests {
             telemetry.time_ns = time * 1_000_000;
             telemetry.lateness_ns = lateness * 1_000_000;
             deadlines.take(&telemetry, |at, late| {
-                found.push((at / 1_000_000, late / 1_000_000))
+                found.push((at / 1_000_000, late / 1_000_000));
             });
         }
         (found, deadlines)

@@ -5,10 +5,10 @@ use super::edges::Edges;
 use super::percentile::Series;
 use super::stages::{Stage, stages, whole};
 use super::worst::Worst;
-use host::run::observer::{KernelWindow, Observed, Observer};
+use host::run::observer::{Observed, Observer};
 use host::scene::Scene;
 use rt_core::Telemetry;
-use runner::kernel::KernelCounts;
+use runner::kernel::{KernelCounts, KernelWindow};
 use runner::link::LogRecord;
 use std::sync::mpsc::Sender;
 

@@ -300,9 +300,9 @@ mod tests {
                 let middle = 0.5 * (low + high);
                 let fraction = (1.0 - busy) * above(middle, 1.0) + busy * above(middle, self.busy);
                 if fraction > 1.0 - percent / 100.0 {
-                    low = middle
+                    low = middle;
                 } else {
-                    high = middle
+                    high = middle;
                 }
             }
             low * 1e-9

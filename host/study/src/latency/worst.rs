@@ -1,8 +1,7 @@
 //! The worst ticks of a run, each with its stages and with what the kernel counted around it.
 
 use super::stages::{Stage, Stages, whole};
-use host::run::observer::KernelWindow;
-use runner::kernel::KernelCounts;
+use runner::kernel::{KernelCounts, KernelWindow};
 
 /// Number of ticks that are kept.
 const MOST: usize = 10;

@@ -1,0 +1,230 @@
+//! `palpate latency`: how late the loop is, how often, and where from; alone, and beside a load.
+
+mod load;
+
+pub(super) use load::served;
+
+use super::outputs::{Declared, Format};
+use super::run::{priority, seconds};
+use super::signals::Ending;
+use super::{COMMIT, CommandError, SceneArgument, build, progress_bar};
+use host::atomic_file::{write_atomically, write_json};
+use host::plot::write_picture;
+use host::run::{Clock, RunOptions};
+use host::scene::{Field, Override};
+use load::{Kind, Load};
+use runner::{CoreChoice, Cores};
+use std::path::PathBuf;
+use std::sync::Arc;
+use study::latency::chart::{chart, table};
+use study::latency::measure;
+use study::latency::result::Latency;
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate latency                                        a minute of the idle machine, and a minute under load
+  palpate latency --duration 300 --report latency.md     the table and the paragraph for a methods section
+  palpate latency scene.toml --device right=hid:1209:c0de --square-wave right=0,0,1
+                                                         edges of force on a real device, for an oscilloscope
+  palpate latency --load none --plot idle.svg            the idle machine only, as a chart";
+
+/// Arguments of `palpate latency`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct LatencyArguments {
+    #[command(flatten)]
+    scene: SceneArgument,
+    /// Time of each measurement in seconds. The percentile 99.999 % takes 300 s at 1 kHz, or more
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds)]
+    duration: f64,
+    /// The load beside the second measurement
+    #[arg(long, value_name = "KIND", value_enum, value_delimiter = ',', num_args = 1..,
+          default_values_t = [Kind::Cpu, Kind::Memory, Kind::Faults, Kind::Disk])]
+    load: Vec<Kind>,
+    /// The folder in which the load `disk` writes. Default: the folder for temporary files
+    #[arg(long, value_name = "FOLDER")]
+    load_folder: Option<PathBuf>,
+    /// Command a device this force (N, scene axes) beside the forces of the scene, with the opposite sign after each
+    /// quarter of a second: right=0,0,1. The edges are in known ticks. May be given several times
+    #[arg(long, value_name = "NAME=X,Y,Z", value_parser = square_wave)]
+    square_wave: Vec<(String, [f64; 3])>,
+    /// The core that this program reserves for the tick. Default: the first isolated core, or without one the last core
+    /// that this program may use
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+    /// Priority of the tick under SCHED_FIFO, 1 to 99. Default: 80
+    #[arg(long, value_name = "P", value_parser = priority)]
+    priority: Option<u8>,
+    /// Draw the lateness under each load: microseconds against the number of deadlines (SVG or PNG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Write every histogram as a table (CSV)
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write the result as JSON, with every histogram and the worst ticks
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write the paragraph and the tables that the methods section of a paper needs (Markdown)
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+/// Parses `NAME=X,Y,Z`.
+fn square_wave(text: &str) -> Result<(String, [f64; 3]), String> {
+    let parse = || {
+        let (name, force) = text.split_once('=')?;
+        let parts: Option<Vec<f64>> = force
+            .split(',')
+            .map(|part| part.trim().parse().ok())
+            .collect();
+        let force: [f64; 3] = parts?.try_into().ok()?;
+        let finite = force.iter().all(|part| part.is_finite());
+        (!name.is_empty() && finite).then(|| (name.to_owned(), force))
+    };
+    parse().ok_or_else(|| {
+        format!("found {text}, allowed: the name of a device and a force in N, such as right=0,0,1")
+    })
+}
+
+impl LatencyArguments {
+    /// The values of the scene that `--square-wave` replaces.
+    fn waves(&self) -> Result<Vec<(String, Override)>, CommandError> {
+        let each = self.square_wave.iter().map(|(name, [x, y, z])| {
+            let flag = format!("--square-wave {name}={x},{y},{z}");
+            let field = format!("device[{name}].square_wave").parse::<Field>();
+            let field = field.map_err(|error| CommandError::SquareWave(error.to_string()))?;
+            let value = format!("{{ force = [{x:?}, {y:?}, {z:?}] }}");
+            Ok((flag, Override::value(field, &value)))
+        });
+        each.collect()
+    }
+}
+
+pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
+    let ending = Ending::begin(false)?;
+    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
+    let machine = Cores::of_this_machine();
+    machine.check(core)?;
+    let loaded = arguments
+        .scene
+        .values
+        .load(arguments.scene.scene.as_deref(), arguments.waves()?)?;
+    let _held = Declared::default()
+        .scene(arguments.scene.scene.as_deref(), &loaded)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .file("--csv", arguments.csv.as_ref(), Format::Csv)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--report", arguments.report.as_ref(), Format::Text)
+        .check()?;
+    let mut options = RunOptions {
+        duration: Some(arguments.duration),
+        stop: Arc::clone(ending.stop()),
+        commit: COMMIT,
+        ..RunOptions::new(Clock::Real)
+    };
+    options.runner.core = core;
+    options.runner.priority = arguments.priority.or(options.runner.priority);
+    let folder = arguments
+        .load_folder
+        .clone()
+        .unwrap_or_else(std::env::temp_dir);
+    let kinds: Vec<Kind> = arguments
+        .load
+        .iter()
+        .copied()
+        .filter(|kind| *kind != Kind::None)
+        .collect();
+    let bar = progress_bar();
+    let world = build(&loaded, &bar)?;
+    let mut measured = Vec::new();
+    let parts = if kinds.is_empty() { 1 } else { 2 };
+    for part in 0..parts {
+        if ending.stop().is_requested() {
+            break;
+        }
+        let kinds: &[Kind] = if part == 0 { &[] } else { &kinds };
+        // Before the run reserves its core: other programs know no such reservation.
+        let begun = Load::begin(kinds, machine.online.len().max(1), &folder);
+        let mut load = begun.map_err(CommandError::Load)?;
+        let (gathered, mut summary) = measure(&world, &options, &mut |progress| match progress
+            .preparation
+        {
+            Some(preparation) => bar.preparing(preparation),
+            None => {
+                let fraction = (f64::from(part) + progress.fraction()) / f64::from(parts);
+                bar.draw_here((1000.0 * fraction) as u64);
+            }
+        })?;
+        summary.failures.extend(load.ended());
+        let names: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
+        let name = if part == 0 {
+            "idle".to_owned()
+        } else {
+            format!("under load ({})", names.join(", "))
+        };
+        measured.push((name, gathered, summary));
+    }
+    bar.finish_and_clear();
+    let Some(latency) = Latency::new(&loaded.scene, &measured) else {
+        return ending.result();
+    };
+    out!("{latency}");
+    let text = |path: &PathBuf, text: String| write_atomically(path, text.as_bytes());
+    if let Some(path) = &arguments.plot {
+        write_picture(path, &chart(&latency))?;
+    }
+    if let Some(path) = &arguments.csv {
+        text(path, table(&latency))?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &latency)?;
+    }
+    if let Some(path) = &arguments.report {
+        text(path, latency.report())?;
+    }
+    for (output, path) in [
+        ("plot", &arguments.plot),
+        ("csv", &arguments.csv),
+        ("json", &arguments.json),
+        ("report", &arguments.report),
+    ] {
+        if let Some(path) = path {
+            outln!("  {output:<10} {}", path.display());
+        }
+    }
+    ending.result()?;
+    if latency.loads.iter().any(|load| !load.failures.is_empty()) {
+        return Err(CommandError::Incomplete);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_wave_names_its_device_and_its_force() {
+        assert_eq!(
+            square_wave("right=0,-1.5,2e-1"),
+            Ok(("right".to_owned(), [0.0, -1.5, 0.2]))
+        );
+        for wrong in [
+            "",
+            "right",
+            "=0,0,1",
+            "right=",
+            "right=1",
+            "right=0,0",
+            "right=0,0,1,2",
+            "right=0,0,nan",
+            "right=a,b,c",
+        ] {
+            let error = square_wave(wrong).expect_err(wrong);
+            assert!(
+                error.starts_with(&format!("found {wrong}, allowed:")),
+                "{error}"
+            );
+        }
+    }
+}
