@@ -190,6 +190,12 @@ enum CommandError {
     SquareWave(String),
     #[error("the system gave no process for the load: {0}; measure without it by --load none")]
     Load(std::io::Error),
+    #[error(
+        "--cyclictest: the program cyclictest cannot be started: {0}; install the package rt-tests"
+    )]
+    NoCyclictest(std::io::Error),
+    #[error("--cyclictest: {0}")]
+    Cyclictest(String),
     #[error("the solve stopped before full load; the reason is above")]
     NotSolved,
     #[error(transparent)]

@@ -127,6 +127,16 @@ impl KernelWindows {
     }
 }
 
+/// The number of this process's thread of that name; `None` if there is none.
+pub fn thread_named(name: &str) -> Option<i32> {
+    let threads = std::fs::read_dir("/proc/self/task").ok()?;
+    threads.flatten().find_map(|thread| {
+        let found = std::fs::read_to_string(thread.path().join("comm")).ok()?;
+        let number = thread.file_name().to_str()?.parse().ok()?;
+        (found.trim_end() == name).then_some(number)
+    })
+}
+
 /// A file of the kernel from its beginning. The kernel writes it anew for each reading.
 fn read<'a>(file: &File, text: &'a mut [u8]) -> Option<&'a str> {
     let length = file.read_at(text, 0).ok()?;

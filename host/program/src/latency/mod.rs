@@ -1,5 +1,7 @@
 //! `palpate latency`: how late the loop is, how often, and where from; alone, and beside a load.
 
+mod compare;
+mod cyclictest;
 mod load;
 
 pub(super) use load::served;
@@ -10,7 +12,7 @@ use super::signals::Ending;
 use super::{COMMIT, CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::write_picture;
-use host::run::{Clock, RunOptions};
+use host::run::{Clock, Progress, RunOptions};
 use host::scene::{Field, Override};
 use load::{Kind, Load};
 use runner::{CoreChoice, Cores};
@@ -55,6 +57,11 @@ pub(super) struct LatencyArguments {
     /// Priority of the tick under SCHED_FIFO, 1 to 99. Default: 80
     #[arg(long, value_name = "P", value_parser = priority)]
     priority: Option<u8>,
+    /// Compare the wake-up with that of cyclictest (package rt-tests) on the same core, with the same priority and period, in
+    /// this many pairs of slices of ten seconds. Host, log and load run throughout
+    #[arg(long, value_name = "PAIRS", value_parser = clap::value_parser!(u32).range(2..=1000),
+          conflicts_with_all = ["duration", "square_wave", "plot", "csv", "report"])]
+    cyclictest: Option<u32>,
     /// Draw the lateness under each load: microseconds against the number of deadlines (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
@@ -86,7 +93,49 @@ fn square_wave(text: &str) -> Result<(String, [f64; 3]), String> {
     })
 }
 
+/// A load under which a part of the command measures.
+struct Part {
+    kinds: Vec<Kind>,
+    processes: Load,
+}
+
+impl Part {
+    /// The name of the load, for people.
+    fn name(&self) -> String {
+        if self.kinds.is_empty() {
+            return "idle".to_owned();
+        }
+        let names: Vec<_> = self.kinds.iter().map(|kind| kind.name()).collect();
+        format!("under load ({})", names.join(", "))
+    }
+}
+
 impl LatencyArguments {
+    /// Calls `measure` for the idle machine, and then under the load, with a function that turns the fraction of a part into the
+    /// fraction of the command. A signal leaves out the parts that have not begun.
+    fn under_each_load(
+        &self,
+        ending: &Ending,
+        mut measure: impl FnMut(&mut Part, &dyn Fn(f64) -> f64) -> Result<(), CommandError>,
+    ) -> Result<(), CommandError> {
+        let folder = self.load_folder.clone().unwrap_or_else(std::env::temp_dir);
+        let kinds = self.load.iter().copied().filter(|kind| *kind != Kind::None);
+        let mut parts = vec![Vec::new(), kinds.collect()];
+        parts.dedup();
+        let count = parts.len() as f64;
+        for (index, kinds) in parts.into_iter().enumerate() {
+            if ending.stop().is_requested() {
+                break;
+            }
+            // Before the run reserves its core: other programs know no such reservation.
+            let cores = Cores::of_this_machine().online.len().max(1);
+            let processes = Load::begin(&kinds, cores, &folder).map_err(CommandError::Load)?;
+            let mut part = Part { kinds, processes };
+            measure(&mut part, &|fraction| (index as f64 + fraction) / count)?;
+        }
+        Ok(())
+    }
+
     /// The values of the scene that `--square-wave` replaces.
     fn waves(&self) -> Result<Vec<(String, Override)>, CommandError> {
         let each = self.square_wave.iter().map(|(name, [x, y, z])| {
@@ -124,46 +173,22 @@ pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
     };
     options.runner.core = core;
     options.runner.priority = arguments.priority.or(options.runner.priority);
-    let folder = arguments
-        .load_folder
-        .clone()
-        .unwrap_or_else(std::env::temp_dir);
-    let kinds: Vec<Kind> = arguments
-        .load
-        .iter()
-        .copied()
-        .filter(|kind| *kind != Kind::None)
-        .collect();
+    if let Some(pairs) = arguments.cyclictest {
+        return compare::run(arguments, pairs, &options, &loaded, &ending);
+    }
     let bar = progress_bar();
     let world = build(&loaded, &bar)?;
     let mut measured = Vec::new();
-    let parts = if kinds.is_empty() { 1 } else { 2 };
-    for part in 0..parts {
-        if ending.stop().is_requested() {
-            break;
-        }
-        let kinds: &[Kind] = if part == 0 { &[] } else { &kinds };
-        // Before the run reserves its core: other programs know no such reservation.
-        let begun = Load::begin(kinds, machine.online.len().max(1), &folder);
-        let mut load = begun.map_err(CommandError::Load)?;
-        let (gathered, mut summary) = measure(&world, &options, &mut |progress| match progress
-            .preparation
-        {
+    arguments.under_each_load(&ending, |part, fraction_of| {
+        let mut shown = |progress: Progress| match progress.preparation {
             Some(preparation) => bar.preparing(preparation),
-            None => {
-                let fraction = (f64::from(part) + progress.fraction()) / f64::from(parts);
-                bar.draw_here((1000.0 * fraction) as u64);
-            }
-        })?;
-        summary.failures.extend(load.ended());
-        let names: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
-        let name = if part == 0 {
-            "idle".to_owned()
-        } else {
-            format!("under load ({})", names.join(", "))
+            None => bar.draw_here((1000.0 * fraction_of(progress.fraction())) as u64),
         };
-        measured.push((name, gathered, summary));
-    }
+        let (gathered, mut summary) = measure(&world, &options, &mut shown)?;
+        summary.failures.extend(part.processes.ended());
+        measured.push((part.name(), gathered, summary));
+        Ok(())
+    })?;
     bar.finish_and_clear();
     let Some(latency) = Latency::new(&loaded.scene, &measured) else {
         return ending.result();

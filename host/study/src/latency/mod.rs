@@ -4,6 +4,7 @@
 //! ([`deadlines`]), states percentiles with intervals ([`percentile`]), and keeps the worst ticks with what the kernel counted
 //! around them ([`worst`]).
 
+pub mod beside;
 pub mod chart;
 pub mod deadlines;
 pub mod edges;
