@@ -205,7 +205,7 @@ fn log_loop(
         // The flag is read before the ring is drained: a record pushed before the end of the run is still drained. So are
         // the ticks of the window.
         let last = over.is_requested();
-        let window = kernel.as_mut().and_then(KernelWindows::next);
+        let window = kernel.as_mut().and_then(KernelWindows::window);
         log.records(|record| observers.take(record));
         if let Some(window) = window {
             observers.counted(&window);

@@ -115,7 +115,7 @@ impl KernelWindows {
     }
 
     /// The window until now; `None` once the thread has ended.
-    pub fn next(&mut self) -> Option<KernelWindow> {
+    pub fn window(&mut self) -> Option<KernelWindow> {
         let counts = self.watch.read()?;
         let to_ns = now_ns().saturating_sub(self.first_deadline_ns);
         let (from_ns, before) = std::mem::replace(&mut self.last, (to_ns, counts));

@@ -4,6 +4,7 @@ mod accuracy;
 mod bad_meshes;
 mod compare;
 mod killed_frames;
+mod latency;
 mod lost_logs;
 mod outputs;
 mod overrides;

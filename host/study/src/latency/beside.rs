@@ -35,8 +35,14 @@ pub struct Pair {
 /// The other program, and the core for which both compete.
 pub trait Other: Send {
     /// Gives the core to the tick's thread.
+    ///
+    /// # Errors
+    /// The reason, in words.
     fn give(&mut self) -> Result<(), String>;
     /// Takes the core from the tick's thread, and starts the other program there.
+    ///
+    /// # Errors
+    /// The reason, in words.
     fn take(&mut self) -> Result<(), String>;
     /// The latencies of the other program, once it has ended.
     fn ended(&mut self) -> Option<Result<Counts, String>>;
@@ -201,19 +207,18 @@ impl Observer for Slices {
             return;
         };
         self.now_ns = telemetry.time_ns;
-        if self.ours && self.now_ns >= self.began_ns + MARGIN_NS && self.to.is_some() {
-            if let Some(pair) = self.pairs.last_mut() {
-                *pair.loop_ns.entry(telemetry.lateness_ns).or_default() += 1;
-            }
+        let measures = self.ours && self.to.is_some() && self.now_ns >= self.began_ns + MARGIN_NS;
+        if let Some(pair) = self.pairs.last_mut().filter(|_| measures) {
+            *pair.loop_ns.entry(telemetry.lateness_ns).or_default() += 1;
         }
     }
 
     fn drained(&mut self) {
-        if self.to.is_some() {
-            if let Err(failure) = self.change() {
-                self.failure = Some(failure);
-                self.end();
-            }
+        if self.to.is_some()
+            && let Err(failure) = self.change()
+        {
+            self.failure = Some(failure);
+            self.end();
         }
     }
 

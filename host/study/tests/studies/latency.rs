@@ -95,7 +95,7 @@ fn run() -> (Gathered, bool) {
     let mut over = false;
     while !over {
         over = run.is_finished();
-        let window = kernel.next();
+        let window = kernel.window();
         log.records(|record| gatherer.take(record));
         if let Some(window) = window {
             gatherer.counted(&window);
