@@ -94,7 +94,7 @@ impl TickLoop {
             let _ = controller.accept_patch(device, patch);
         });
         let (telemetry, refused) = cycle_timed(controller, &mut self.devices, time, took);
-        measure(&mut self.latencies.devices, &telemetry);
+        measure(&mut self.latencies, &telemetry);
         self.end.push(&telemetry);
         self.latencies.lateness.record(telemetry.lateness_ns);
         for (age, body) in self.latencies.model_age.iter_mut().zip(telemetry.bodies()) {
@@ -119,8 +119,8 @@ impl TickLoop {
     }
 }
 
-/// Records the times of each device in a tick.
-fn measure(times: &mut [DeviceTimes], telemetry: &Telemetry) {
+/// Records the times of each device in a tick, and of the computation between reads and writes.
+fn measure(latencies: &mut Latencies, telemetry: &Telemetry) {
     let Stamps {
         began_ns,
         read_ns,
@@ -129,13 +129,19 @@ fn measure(times: &mut [DeviceTimes], telemetry: &Telemetry) {
     } = &telemetry.stamps;
     let (mut began, mut computed) = (*began_ns, telemetry.took_ns);
     let each = read_ns.iter().zip(written_ns).zip(motion_to_force_ns);
-    for (times, ((&read, &written), &motion_to_force)) in times.iter_mut().zip(each) {
+    for (times, ((&read, &written), &motion_to_force)) in latencies.devices.iter_mut().zip(each) {
         times.read.record(read.saturating_sub(began));
         times.write.record(written.saturating_sub(computed));
         if motion_to_force > 0 {
             times.motion_to_force.record(motion_to_force);
         }
         (began, computed) = (read, written);
+    }
+    // No clock runs under virtual time.
+    if telemetry.took_ns > 0 {
+        latencies
+            .compute
+            .record(telemetry.took_ns.saturating_sub(began));
     }
 }
 
@@ -145,22 +151,27 @@ mod tests {
 
     #[test]
     fn the_time_of_a_device_is_that_of_its_own_call() {
-        let mut times = [DeviceTimes::new(), DeviceTimes::new()];
+        let mut latencies = Latencies::new(0);
+        latencies.devices = vec![DeviceTimes::new(), DeviceTimes::new()];
         let mut telemetry = Telemetry::empty();
         telemetry.stamps.began_ns = 4;
         telemetry.stamps.read_ns[..2].copy_from_slice(&[14, 34]);
         telemetry.took_ns = 534;
         telemetry.stamps.written_ns[..2].copy_from_slice(&[537, 544]);
         telemetry.stamps.motion_to_force_ns[1] = 900;
-        measure(&mut times, &telemetry);
-        measure(&mut times, &telemetry);
+        measure(&mut latencies, &telemetry);
+        measure(&mut latencies, &telemetry);
+        let times = &latencies.devices;
         for (times, (read, write)) in times.iter().zip([(10, 3), (20, 7)]) {
             for (histogram, ns) in [(&times.read, read), (&times.write, write)] {
                 let summary = histogram.summary();
                 assert_eq!((summary.count, summary.min, summary.max), (2, ns, ns));
             }
         }
-        let counts = times.map(|times| times.motion_to_force.summary().max);
-        assert_eq!(counts, [0, 900], "a device without a new time has none");
+        let answers = times
+            .iter()
+            .map(|times| times.motion_to_force.summary().max);
+        assert!(answers.eq([0, 900]), "a device without a new time has none");
+        assert_eq!(latencies.compute.summary().max, 500);
     }
 }

@@ -50,6 +50,9 @@ pub(super) struct LatencyArguments {
     /// quarter of a second: right=0,0,1. The edges are in known ticks. May be given several times
     #[arg(long, value_name = "NAME=X,Y,Z", value_parser = square_wave)]
     square_wave: Vec<(String, [f64; 3])>,
+    /// Arm the devices at the start. A real device that waits to be armed renders no force
+    #[arg(long)]
+    armed: bool,
     /// The core that this program reserves for the tick. Default: the first isolated core, or without one the last core
     /// that this program may use
     #[arg(long, value_name = "N")]
@@ -136,8 +139,8 @@ impl LatencyArguments {
         Ok(())
     }
 
-    /// The values of the scene that `--square-wave` replaces.
-    fn waves(&self) -> Result<Vec<(String, Override)>, CommandError> {
+    /// The values of the scene that `--square-wave` and `--armed` replace.
+    fn replaced(&self) -> Result<Vec<(String, Override)>, CommandError> {
         let each = self.square_wave.iter().map(|(name, [x, y, z])| {
             let flag = format!("--square-wave {name}={x},{y},{z}");
             let field = format!("device[{name}].square_wave").parse::<Field>();
@@ -145,7 +148,10 @@ impl LatencyArguments {
             let value = format!("{{ force = [{x:?}, {y:?}, {z:?}] }}");
             Ok((flag, Override::value(field, &value)))
         });
-        each.collect()
+        let armed = self
+            .armed
+            .then(|| Ok(("--armed".to_owned(), Override::armed())));
+        each.chain(armed).collect()
     }
 }
 
@@ -157,7 +163,7 @@ pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
     let loaded = arguments
         .scene
         .values
-        .load(arguments.scene.scene.as_deref(), arguments.waves()?)?;
+        .load(arguments.scene.scene.as_deref(), arguments.replaced()?)?;
     let _held = Declared::default()
         .scene(arguments.scene.scene.as_deref(), &loaded)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)

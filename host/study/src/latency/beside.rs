@@ -65,23 +65,19 @@ pub struct Ratio {
     pub high: f64,
 }
 
-/// The ratios of the percentiles `percents` over all pairs; none without pairs.
+/// The ratios of the ascending percentiles `percents` over all pairs; none without pairs.
 pub fn ratios(pairs: &[Pair], percents: &[f64]) -> Vec<Ratio> {
     if pairs.is_empty() {
         return Vec::new();
     }
     let mut chance = Pcg64::seed_from_u64(SEED);
     let all = vec![1; pairs.len()];
+    let sorted =
+        [|pair: &Pair| &pair.loop_ns, |pair: &Pair| &pair.other_ns].map(|of| sorted(pairs, of));
     let values = |weights: &[u64]| {
-        let weighted = || pairs.iter().zip(weights);
-        let ours = percentiles(
-            weighted().map(|(pair, weight)| (&pair.loop_ns, *weight)),
-            percents,
-        );
-        let others = percentiles(
-            weighted().map(|(pair, weight)| (&pair.other_ns, *weight)),
-            percents,
-        );
+        let [ours, others] = sorted
+            .each_ref()
+            .map(|sorted| percentiles(sorted, weights, percents));
         ours.into_iter().zip(others).collect::<Vec<_>>()
     };
     let resampled: Vec<_> = (0..RESAMPLES)
@@ -114,22 +110,35 @@ pub fn ratios(pairs: &[Pair], percents: &[f64]) -> Vec<Ratio> {
     each.collect()
 }
 
-/// The percentiles of weighted counts (ns).
-fn percentiles<'a>(counts: impl Iterator<Item = (&'a Counts, u64)>, percents: &[f64]) -> Vec<u64> {
-    let mut all: Vec<(u64, u64)> = counts
-        .filter(|(_, weight)| *weight > 0)
-        .flat_map(|(counts, weight)| counts.iter().map(move |(&ns, &count)| (ns, count * weight)))
+/// A latency (ns), the index of its pair, and the number of its values.
+type Counted = (u64, usize, u64);
+
+/// The latencies of one program in all pairs, ascending.
+fn sorted(pairs: &[Pair], of: fn(&Pair) -> &Counts) -> Vec<Counted> {
+    let each = pairs.iter().enumerate();
+    let mut all: Vec<Counted> = each
+        .flat_map(|(index, pair)| of(pair).iter().map(move |(&ns, &count)| (ns, index, count)))
         .collect();
     all.sort_unstable();
-    let total: u64 = all.iter().map(|(_, count)| count).sum();
+    all
+}
+
+/// The ascending percentiles `percents` (ns), in which each pair counts as often as its weight says.
+fn percentiles(sorted: &[Counted], weights: &[u64], percents: &[f64]) -> Vec<u64> {
+    let weighted = |&(_, pair, count): &Counted| count * weights.get(pair).copied().unwrap_or(0);
+    let total: u64 = sorted.iter().map(weighted).sum();
+    let mut up_to = 0;
+    let mut latencies = sorted.iter();
+    let mut last = 0;
     let each = percents.iter().map(|percent| {
-        let rank = (percent / 100.0 * total as f64).ceil().max(1.0) as u64;
-        let mut up_to = 0;
-        let found = all.iter().find(|(_, count)| {
-            up_to += count;
-            up_to >= rank
-        });
-        found.map_or(0, |(ns, _)| *ns)
+        let rank = (percent / 100.0 * total as f64).ceil() as u64;
+        while up_to < rank
+            && let Some(counted) = latencies.next()
+        {
+            up_to += weighted(counted);
+            last = counted.0;
+        }
+        last
     });
     each.collect()
 }

@@ -49,15 +49,15 @@ struct Edge {
 }
 
 impl Edges {
-    /// The edges of `device`; `None` if its scene commands no square wave.
-    pub fn of(device: &Device) -> Option<Self> {
+    /// The edges of `device` in a run of `duration` (s); `None` if its scene commands no square wave.
+    pub fn of(device: &Device, duration: f64) -> Option<Self> {
         let wave = device.square_wave?;
         Some(Self {
             wave: SquareWave {
                 force: wave.force.into(),
                 half_period_ns: (wave.half_period * 1e9).round() as u64,
             },
-            bounds: Series::new(0),
+            bounds: Series::new((duration / wave.half_period) as u64),
             without_motion: 0,
             before: VecDeque::with_capacity(BEFORE),
             awaited: None,

@@ -59,7 +59,9 @@ impl Gathered {
             motion_to_force: scene.devices.iter().map(|_| series()).collect(),
             model_age: scene.bodies.iter().map(|_| series()).collect(),
             deadlines: Deadlines::new(period.round() as u64),
-            edges: scene.devices.iter().map(Edges::of).collect(),
+            edges: (scene.devices.iter())
+                .map(|device| Edges::of(device, ticks as f64 / scene.realtime.rate))
+                .collect(),
             worst: Worst::default(),
             counted: None,
             windows: Vec::new(),

@@ -73,7 +73,7 @@ impl Series {
     /// Adds a value (ns) of the time `at_ns`.
     pub fn record(&mut self, at_ns: u64, value_ns: u64) {
         let begins = self.count.is_multiple_of(self.length);
-        if self.blocks.is_empty() || (begins && (self.blocks.len() as u64) < BLOCKS) {
+        if begins && (self.blocks.len() as u64) < BLOCKS {
             // Three digits are a valid precision.
             self.blocks.extend(Histogram::new(DIGITS));
         }
