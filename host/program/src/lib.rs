@@ -155,10 +155,10 @@ enum CommandError {
     #[error(transparent)]
     Device(#[from] device::DeviceCommandError),
     #[error(
-        "{count} conditions of a steady tick are lacking; the table above says which and how to mend them"
+        "found {count} lacking conditions of a steady tick; the table above says which and how to mend them"
     )]
     Lacking { count: usize },
-    #[error("{count} conditions of a steady tick are unknown; the table above says which")]
+    #[error("found {count} unknown conditions of a steady tick; the table above says which")]
     Undetermined { count: usize },
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
