@@ -82,8 +82,9 @@ fn nohz_full(system: &System) -> Check {
         name: "nohz_full",
         cost: "the kernel's own timer interrupts the tick's core 100 to 1000 times a second, for microseconds each",
     };
+    let file = "sys/devices/system/cpu/nohz_full";
     let core = system.core;
-    let finding = match system.cores_in("sys/devices/system/cpu/nohz_full") {
+    let finding = match system.cores_in(file) {
         Some(found) if found.contains(&core) => Finding::Met(format!("cores {}", list(&found))),
         Some(found) => Finding::Lacking(
             if found.is_empty() {
@@ -95,8 +96,9 @@ fn nohz_full(system: &System) -> Check {
                 vec![system.kernel_parameter(entry.id, "nohz_full", &reserved(system))]
             }),
         ),
-        None if system.names("sys/devices/system/cpu").is_empty() => {
-            Finding::Unknown("the system does not list its cores".into())
+        // A kernel that has the feature has the file, also without a core in it.
+        None if system.path(file).exists() || system.cores.online.is_empty() => {
+            Finding::Unknown("the system does not tell the cores of nohz_full".into())
         }
         None => Finding::Lacking(
             "the kernel is built without it".into(),
