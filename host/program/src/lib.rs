@@ -12,6 +12,7 @@ mod printing;
 mod bench;
 mod compare;
 mod device;
+mod doctor;
 mod fault;
 mod latency;
 mod mesh;
@@ -76,6 +77,7 @@ Examples:
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
   palpate latency --report latency.md          measure the latency of this machine, for a paper
   palpate device list                          print which devices are connected, and how a scene names them
+  palpate doctor                               print what this machine lacks for a steady tick, and how to mend it
   palpate bench speed --quick                  measure run time against error, and compare with other programs
   palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
 
@@ -95,6 +97,8 @@ enum Task {
     Mesh(mesh::MeshArguments),
     /// List, probe and emulate devices
     Device(device::DeviceArguments),
+    /// Check this machine for a steady tick: kernel, cores, power, limits, USB; and write a script that mends
+    Doctor(doctor::DoctorArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
     /// Measure how late the loop is, how often, and where from, alone and under load
@@ -154,6 +158,12 @@ enum CommandError {
     Output(#[from] outputs::OutputError),
     #[error(transparent)]
     Device(#[from] device::DeviceCommandError),
+    #[error(
+        "found {count} lacking conditions of a steady tick; the table above says which and how to mend them"
+    )]
+    Lacking { count: usize },
+    #[error("found {count} unknown conditions of a steady tick; the table above says which")]
+    Undetermined { count: usize },
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
     #[error("{}: {source}", path.display())]
@@ -236,6 +246,7 @@ impl CommandError {
             | Self::MeshFile { .. }
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
+            | Self::Undetermined { .. }
             | Self::Core(_) => 2,
             #[cfg(feature = "view")]
             Self::PaceNeedsVirtualClock => 2,
@@ -336,6 +347,7 @@ fn execute(command: Option<Task>) -> u8 {
         Task::Sweep(arguments) => sweep::run(&arguments),
         Task::Mesh(arguments) => mesh::run(&arguments),
         Task::Device(arguments) => device::run(&arguments),
+        Task::Doctor(arguments) => doctor::run(&arguments),
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Latency(arguments) => latency::run(&arguments),
         Task::Stress(arguments) => stress::run(&arguments),

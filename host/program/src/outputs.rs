@@ -40,6 +40,8 @@ pub(super) enum Format {
     Rows,
     /// A scene.
     Toml,
+    /// A script for the shell.
+    Script,
     /// A mesh; the ending says in which of the formats.
     Mesh,
     /// A text for people.
@@ -64,6 +66,7 @@ impl Format {
             Self::Mcap => &["mcap"],
             Self::Csv | Self::Rows => &["csv"],
             Self::Toml => &["toml"],
+            Self::Script => &["sh"],
             Self::Mesh => &["msh", "vtk", "vtu"],
             Self::Text => &["md", "txt"],
         }

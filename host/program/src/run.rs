@@ -413,6 +413,9 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         waiting = None;
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
+    if real {
+        bar.say(&super::doctor::line(arguments.core, arguments.priority));
+    }
     let world = build(&loaded, &bar)?;
     let mut warned = false;
     let result = host::run::run(&world, &options, &mut |progress| {

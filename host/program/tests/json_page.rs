@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 8] = [
+const OUTPUTS: [Output; 9] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -66,6 +66,12 @@ const OUTPUTS: [Output; 8] = [
         schema: "palpate.identified/1",
         about: "The mechanics of a device, each number with its interval.",
         root: "palpate::device::identify::IdentifiedJson",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate doctor --json`"),
+        schema: "palpate.doctor/1",
+        about: "What the machine lacks for a steady tick.",
+        root: "palpate::doctor::DoctorJson",
     },
 ];
 
@@ -150,7 +156,7 @@ const STUDIES: [Output; 12] = [
 const OTHERS: [&str; 2] = ["palpate.view/1", "palpate.overview/1"];
 
 /// The crates whose types are written, by name and folder.
-const CRATES: [(&str, &str); 10] = [
+const CRATES: [(&str, &str); 11] = [
     ("host", "host/src"),
     ("scene", "host/scene/src"),
     ("plot", "host/plot/src"),
@@ -161,6 +167,7 @@ const CRATES: [(&str, &str); 10] = [
     ("rt_core", "rt_core/src"),
     ("runner", "rt_core/runner/src"),
     ("devices", "rt_core/devices/src"),
+    ("doctor", "host/doctor/src"),
 ];
 
 /// The title before which the studies stand.

@@ -9,6 +9,7 @@
 
 use std::fmt::Write as _;
 use std::fs::read_to_string;
+use std::path::Path;
 
 /// Numbers from this one on are errors in the list: no kernel counts so many cores, and a range is expanded in memory.
 const MOST_CORES: usize = 1 << 16;
@@ -136,8 +137,13 @@ pub struct Cores {
 impl Cores {
     /// The cores of this machine. A list that the system does not give, or gives in another format, is empty.
     pub fn of_this_machine() -> Self {
+        Self::below(Path::new("/"))
+    }
+
+    /// The cores of the machine whose files are below `root`, as [`Self::of_this_machine`].
+    pub fn below(root: &Path) -> Self {
         let read = |name: &str| {
-            let text = read_to_string(format!("/sys/devices/system/cpu/{name}"));
+            let text = read_to_string(root.join("sys/devices/system/cpu").join(name));
             text.ok().and_then(|text| parse_list(&text).ok())
         };
         let online = read("online").unwrap_or_default();

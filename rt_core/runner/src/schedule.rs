@@ -18,11 +18,22 @@ use thread_priority::{
 
 /// Default priority of the tick under SCHED_FIFO: above threaded interrupts (50), below the kernel's own watchdogs
 /// (99).
-pub(crate) const DEFAULT_PRIORITY: u8 = 80;
+pub const DEFAULT_PRIORITY: u8 = 80;
 
 /// File through which the kernel takes a limit of the wake-up latency (us, as 32 bits). The limit holds while the file
 /// is open.
 pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// The cost of a tick without a core of its own.
+pub const COST_OF_A_SHARED_CORE: &str =
+    "the tick may share or change its core, which at times costs tens of microseconds";
+
+/// The cost of a tick without realtime priority.
+pub const COST_OF_NO_PRIORITY: &str = "any busy program may delay the tick by milliseconds";
+
+/// The cost of a processor that sleeps deeply.
+pub const COST_OF_SLEEP: &str =
+    "waking from a deep sleep state costs up to some hundred microseconds";
 
 /// Length of the longest processor mask that this module supports.
 const MOST_CORES: usize = 1024;
@@ -85,7 +96,7 @@ fn not_pinned(reason: String) -> Degradation {
     Degradation {
         missing: "the tick is not pinned to a core of its own".into(),
         reason,
-        cost: "the tick may share or change its core, which at times costs tens of microseconds",
+        cost: COST_OF_A_SHARED_CORE,
         remedy:
             "give the process two cores or more, or isolate a core; with --core, name a core that exists"
                 .into(),
@@ -138,8 +149,8 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     Err(Degradation {
         missing: format!("the tick has no realtime priority (SCHED_FIFO {priority})"),
         reason,
-        cost: "any busy program may delay the tick by milliseconds",
-        remedy: remedy(priority, may, &Group::of_this_process()),
+        cost: COST_OF_NO_PRIORITY,
+        remedy: remedy(priority, may, &Group::below(Path::new("/"))),
     })
 }
 
@@ -170,22 +181,28 @@ fn remedy(priority: u8, may: bool, group: &Group) -> String {
 }
 
 /// The control group that gives this process its share of the processor's time.
-struct Group {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
     /// Its path below the root group.
-    name: String,
+    pub name: String,
     /// Its realtime budget (us), if the kernel has such budgets.
-    runtime: Option<String>,
+    pub runtime: Option<String>,
 }
 
+/// The folders of `/sys/fs/cgroup` that may hold the groups of the processor's time: those of the first version, and the
+/// only one of the second.
+pub const GROUP_FOLDERS: [&str; 3] = ["cpu", "cpu,cpuacct", ""];
+
 impl Group {
-    fn of_this_process() -> Self {
-        let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    /// The group of this process on the machine whose files are below `root`.
+    pub fn below(root: &Path) -> Self {
+        let groups = std::fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
         let name = Self::name_in(&groups).unwrap_or("/").to_owned();
-        let runtime = |root: &str| {
-            let path = format!("/sys/fs/cgroup/{root}{name}/cpu.rt_runtime_us");
-            std::fs::read_to_string(path).ok()
+        let runtime = |folder: &str| {
+            let path = format!("sys/fs/cgroup/{folder}{name}/cpu.rt_runtime_us");
+            std::fs::read_to_string(root.join(path)).ok()
         };
-        let runtime = ["cpu", "cpu,cpuacct", ""].into_iter().find_map(runtime);
+        let runtime = GROUP_FOLDERS.into_iter().find_map(runtime);
         Self {
             runtime: runtime.map(|text| text.trim().to_owned()),
             name,
@@ -229,7 +246,7 @@ impl KeepAwake {
             .map_err(|error: io::Error| Degradation {
                 missing: "the processor may sleep between ticks".into(),
                 reason: format!("{}: {error}", path.display()),
-                cost: "waking from a deep sleep state costs up to some hundred microseconds",
+                cost: COST_OF_SLEEP,
                 remedy: format!(
                     "give the account write access to {} (a udev rule)",
                     path.display()

@@ -10,6 +10,10 @@ use crate::tick_loop::TickLoop;
 use rustix::thread::gettid;
 use std::path::Path;
 
+/// The cost of memory that is not locked.
+pub const COST_OF_UNLOCKED_MEMORY: &str =
+    "under memory pressure a tick may wait milliseconds for a page";
+
 /// Configuration of the thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunnerConfig {
@@ -146,7 +150,7 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
             locked.bytes()
         ),
         reason: error.to_string(),
-        cost: "under memory pressure a tick may wait milliseconds for a page",
+        cost: COST_OF_UNLOCKED_MEMORY,
         remedy: format!(
             "allow {} MiB with `memlock` in /etc/security/limits.d, or LimitMEMLOCK in the service",
             wanted.div_ceil(1 << 20) + 1

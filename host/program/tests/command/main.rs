@@ -3,6 +3,7 @@
 mod accuracy;
 mod bad_meshes;
 mod compare;
+mod doctor;
 mod killed_frames;
 mod latency;
 mod lost_logs;

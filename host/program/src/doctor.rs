@@ -1,0 +1,184 @@
+//! `palpate doctor`: what this machine lacks for a steady tick.
+
+use super::CommandError;
+use super::outputs::{Declared, Format};
+use doctor::{Asked, Check, Report, Verdict};
+use host::atomic_file::{write_atomically, write_json};
+use runner::{CoreChoice, Cores};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate doctor                                       print what this machine lacks, and how to mend it
+  palpate doctor --core 3 --priority 90                judge the machine for another core and priority
+  palpate doctor --script tune.sh                      write a script that mends (sudo sh tune.sh mend) and undoes
+
+Exit codes: 0 if all is as wanted, 1 if something is lacking, 2 if nothing is lacking and something is unknown. Wrong \
+arguments give 2 as well, but print no table and write no --json.";
+
+/// Arguments of `palpate doctor`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct DoctorArguments {
+    /// The core of the tick. Default: the core that `palpate run --clock real` takes
+    #[arg(long, value_name = "N")]
+    core: Option<usize>,
+    /// Priority of the tick under SCHED_FIFO, 1 to 99. Default: 80
+    #[arg(long, value_name = "P", value_parser = crate::run::priority)]
+    priority: Option<u8>,
+    /// Write the checks as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write a script for the shell with two modes, mend and undo. The command itself changes nothing
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+}
+
+/// The JSON that `--json` writes.
+#[derive(Serialize)]
+struct DoctorJson {
+    /// Version of this layout.
+    schema: &'static str,
+    /// The core of the tick for which the machine was judged.
+    core: usize,
+    /// The priority of the tick under SCHED_FIFO for which the machine was judged.
+    priority: u8,
+    /// The checks.
+    checks: Vec<CheckJson>,
+}
+
+/// A check of `palpate doctor`.
+#[derive(Serialize)]
+struct CheckJson {
+    /// Identifier, which stays from version to version.
+    id: &'static str,
+    /// Name.
+    name: &'static str,
+    /// Connection of the device that the check is about; `None` for a check of the machine.
+    device: Option<String>,
+    /// The judgement.
+    verdict: Verdict,
+    /// What the machine has.
+    found: String,
+    /// What a steady tick wants.
+    wanted: String,
+    /// The cost to the tick if the machine lacks it.
+    cost: &'static str,
+    /// The commands and the work by hand that mend it, in order; none unless the machine lacks it.
+    mend: Vec<String>,
+    /// The commands that undo these, in order.
+    undo: Vec<String>,
+}
+
+impl From<Check> for CheckJson {
+    fn from(check: Check) -> Self {
+        let steps = &check.steps;
+        Self {
+            mend: steps.iter().map(doctor::Step::mend).collect(),
+            undo: steps.iter().rev().filter_map(doctor::Step::undo).collect(),
+            id: check.id,
+            name: check.name,
+            device: check.device,
+            verdict: check.verdict,
+            found: check.found,
+            wanted: check.wanted,
+            cost: check.cost,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &DoctorArguments) -> Result<(), CommandError> {
+    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
+    Cores::of_this_machine().check(core)?;
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--script", arguments.script.as_ref(), Format::Script)
+        .check()?;
+    let asked = Asked {
+        core: arguments.core,
+        priority: arguments.priority,
+    };
+    let report = doctor::examine(Path::new("/"), &asked);
+    print(&report);
+    if let Some(path) = &arguments.script {
+        write_atomically(path, doctor::script::script(&report).as_bytes())?;
+        outln!("\n  {:<10} {}", "script", path.display());
+    }
+    let (lacking, unknown) = (
+        report.count(Verdict::Lacking),
+        report.count(Verdict::Unknown),
+    );
+    if let Some(path) = &arguments.json {
+        let json = DoctorJson {
+            schema: "palpate.doctor/1",
+            core: report.core,
+            priority: report.priority,
+            checks: report.checks.into_iter().map(CheckJson::from).collect(),
+        };
+        write_json(path, &json)?;
+    }
+    match (lacking, unknown) {
+        (0, 0) => Ok(()),
+        (0, count) => Err(CommandError::Undetermined { count }),
+        (count, _) => Err(CommandError::Lacking { count }),
+    }
+}
+
+/// The line at the start of a run under the real clock.
+pub(super) fn line(core: Option<usize>, priority: Option<u8>) -> String {
+    doctor::examine(Path::new("/"), &Asked { core, priority }).line()
+}
+
+/// Prints the table, and for each lacking condition its cost and its commands.
+fn print(report: &Report) {
+    outln!(
+        "this machine, for a tick on core {} with priority {}:\n",
+        report.core,
+        report.priority
+    );
+    let mut device = None;
+    for check in &report.checks {
+        if check.device != device {
+            device.clone_from(&check.device);
+            outln!("\n  {}", device.as_deref().unwrap_or_default());
+        }
+        outln!(
+            "  {:<8} {:<22} {}",
+            sign(check.verdict),
+            check.name,
+            check.found
+        );
+        if matches!(check.verdict, Verdict::Lacking | Verdict::Unknown) {
+            outln!("  {:<8} {:<22} wanted: {}", "", "", check.wanted);
+        }
+    }
+    for check in report.with(Verdict::Lacking) {
+        let of = check.device.as_ref().map(|device| format!(" of {device}"));
+        outln!("\n{}{}", check.name, of.unwrap_or_default());
+        outln!("  {:<8} {}", "cost", check.cost);
+        for step in &check.steps {
+            outln!("  {:<8} {}", "mend", step.mend());
+        }
+        for undo in check.steps.iter().rev().filter_map(doctor::Step::undo) {
+            outln!("  {:<8} {undo}", "undo");
+        }
+    }
+    outln!(
+        "\n{} as wanted, {} lacking, {} unknown, {} not applicable",
+        report.count(Verdict::Met),
+        report.count(Verdict::Lacking),
+        report.count(Verdict::Unknown),
+        report.count(Verdict::NotApplicable)
+    );
+}
+
+/// The word at the beginning of a line of the table.
+fn sign(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Met => "ok",
+        Verdict::Lacking => "LACKING",
+        Verdict::Unknown => "unknown",
+        Verdict::NotApplicable => "-",
+    }
+}
