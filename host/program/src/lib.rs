@@ -24,6 +24,7 @@ mod progress;
 mod replay;
 mod run;
 mod sets;
+mod settings;
 mod signals;
 mod solve;
 mod stress;
@@ -73,6 +74,7 @@ Examples:
   palpate sweep my_scene.toml --set body[0].material.young=1e5,2e5,4e5
                                                run a scene for each value of a field
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
+  palpate settings                             print the settings of this machine, each with what gives it
   palpate device list                          print which devices are connected, and how a scene names them
   palpate bench speed --quick                  measure run time against error, and compare with other programs
   palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
@@ -83,6 +85,8 @@ enum Task {
     Run(Box<run::RunArguments>),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
+    /// Print the settings of this machine: core and priority of the tick, threads of the devices, folder of logs
+    Settings(settings::SettingsArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
@@ -316,6 +320,7 @@ fn execute(command: Option<Task>) -> u8 {
     let result = match command {
         Task::Run(arguments) => run::run(&arguments),
         Task::Plan(arguments) => plan::run(&arguments),
+        Task::Settings(arguments) => settings::run(&arguments),
         Task::Solve(arguments) => solve::run(&arguments),
         Task::Compare(arguments) => compare::run(&arguments),
         Task::Sweep(arguments) => sweep::run(&arguments),

@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 8] = [
+const OUTPUTS: [Output; 9] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -48,6 +48,12 @@ const OUTPUTS: [Output; 8] = [
         schema: "palpate.plan/2",
         about: "The stages of a host step.",
         root: "palpate::plan::PlanJson",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate settings --json`"),
+        schema: "palpate.settings/1",
+        about: "The settings of the machine, each with what gives it.",
+        root: "palpate::settings::SettingsJson",
     },
     Output {
         title: Cow::Borrowed("`palpate device list --json`"),

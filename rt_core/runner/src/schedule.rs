@@ -18,7 +18,10 @@ use thread_priority::{
 
 /// Default priority of the tick under SCHED_FIFO: above threaded interrupts (50), below the kernel's own watchdogs
 /// (99).
-pub(crate) const DEFAULT_PRIORITY: u8 = 80;
+pub const DEFAULT_PRIORITY: u8 = 80;
+
+/// Default priority of a device's thread under SCHED_FIFO: above ordinary threads, below threaded interrupts (50).
+pub const DEVICE_PRIORITY: u8 = 45;
 
 /// File through which the kernel takes a limit of the wake-up latency (us, as 32 bits). The limit holds while the file
 /// is open.
