@@ -26,6 +26,7 @@ mod progress;
 mod replay;
 mod run;
 mod sets;
+mod settings;
 mod signals;
 mod solve;
 mod stress;
@@ -76,6 +77,7 @@ Examples:
                                                run a scene for each value of a field
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
   palpate latency --report latency.md          measure the latency of this machine, for a paper
+  palpate settings                             print the settings of this machine, each with what gives it
   palpate device list                          print which devices are connected, and how a scene names them
   palpate doctor                               print what this machine lacks for a steady tick, and how to mend it
   palpate bench speed --quick                  measure run time against error, and compare with other programs
@@ -87,6 +89,8 @@ enum Task {
     Run(Box<run::RunArguments>),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
+    /// Print the settings of this machine: core and priority of the tick, threads of the devices, folder of logs
+    Settings(settings::SettingsArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
@@ -342,6 +346,7 @@ fn execute(command: Option<Task>) -> u8 {
     let result = match command {
         Task::Run(arguments) => run::run(&arguments),
         Task::Plan(arguments) => plan::run(&arguments),
+        Task::Settings(arguments) => settings::run(&arguments),
         Task::Solve(arguments) => solve::run(&arguments),
         Task::Compare(arguments) => compare::run(&arguments),
         Task::Sweep(arguments) => sweep::run(&arguments),

@@ -50,6 +50,12 @@ const OUTPUTS: [Output; 9] = [
         root: "palpate::plan::PlanJson",
     },
     Output {
+        title: Cow::Borrowed("`palpate settings --json`"),
+        schema: "palpate.settings/1",
+        about: "The settings of the machine, each with what gives it.",
+        root: "palpate::settings::SettingsJson",
+    },
+    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",

@@ -29,7 +29,7 @@ use rt_core::{
     Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Vec3,
 };
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
-use runner::{AnyDevice, TickLoop};
+use runner::{AnyDevice, ThreadPlace, TickLoop};
 use sim::DeviceModel;
 
 /// Number of its own periods for which a device may stay silent before its force is removed.
@@ -65,6 +65,8 @@ pub struct Options {
     pub real: bool,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
+    /// Where the threads of the devices run.
+    pub threads: ThreadPlace,
 }
 
 impl Options {
@@ -76,6 +78,7 @@ impl Options {
             code: FactorCode::default(),
             real: false,
             faults: Vec::new(),
+            threads: ThreadPlace::default(),
         }
     }
 
@@ -151,7 +154,7 @@ impl Prepared {
         let bodies = build::bodies(world, how)?;
         let contact = Contact::new(world, &bodies)?;
         let engine = Engine::new(bodies).touching(contact).on(scene.host.threads);
-        let (devices, told) = devices::open(world, options.seed, options.real)?;
+        let (devices, told) = devices::open(world, options.seed, options.real, &options.threads)?;
         let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;
         Ok(Self {
@@ -218,7 +221,7 @@ pub fn controls(
     world: &World<'_>,
     seed: u64,
 ) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
-    let (devices, _) = devices::open(world, seed, false)?;
+    let (devices, _) = devices::open(world, seed, false, &ThreadPlace::default())?;
     Ok((controller(world, &devices)?, devices))
 }
 

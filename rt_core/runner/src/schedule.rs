@@ -20,6 +20,9 @@ use thread_priority::{
 /// (99).
 pub const DEFAULT_PRIORITY: u8 = 80;
 
+/// Default priority of a device's thread under SCHED_FIFO: above ordinary threads, below threaded interrupts (50).
+pub const DEVICE_PRIORITY: u8 = 45;
+
 /// File through which the kernel takes a limit of the wake-up latency (us, as 32 bits). The limit holds while the file
 /// is open.
 pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";

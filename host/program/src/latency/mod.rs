@@ -7,7 +7,8 @@ mod load;
 pub(super) use load::served;
 
 use super::outputs::{Declared, Format};
-use super::run::{priority, seconds};
+use super::run::seconds;
+use super::settings::{self, MachineArguments};
 use super::signals::Ending;
 use super::{COMMIT, CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
@@ -15,7 +16,7 @@ use host::plot::write_picture;
 use host::run::{Clock, Progress, RunOptions};
 use host::scene::{Field, Override};
 use load::{Kind, Load};
-use runner::{CoreChoice, Cores};
+use runner::Cores;
 use std::path::PathBuf;
 use std::sync::Arc;
 use study::latency::chart::{chart, table};
@@ -53,13 +54,8 @@ pub(super) struct LatencyArguments {
     /// Arm the devices at the start. A real device that waits to be armed renders no force
     #[arg(long)]
     armed: bool,
-    /// The core that this program reserves for the tick. Default: the first isolated core, or without one the last core
-    /// that this program may use
-    #[arg(long, value_name = "N")]
-    core: Option<usize>,
-    /// Priority of the tick under SCHED_FIFO, 1 to 99. Default: 80
-    #[arg(long, value_name = "P", value_parser = priority)]
-    priority: Option<u8>,
+    #[command(flatten)]
+    machine: MachineArguments,
     /// Compare the wake-up with that of cyclictest (package rt-tests) on the same core, with the same priority and period, in
     /// this many pairs of slices of ten seconds. Host, log and load run throughout
     #[arg(long, value_name = "PAIRS", value_parser = clap::value_parser!(u32).range(2..=1000),
@@ -157,13 +153,11 @@ impl LatencyArguments {
 
 pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
     let ending = Ending::begin(false)?;
-    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
-    let machine = Cores::of_this_machine();
-    machine.check(core)?;
     let loaded = arguments
         .scene
         .values
         .load(arguments.scene.scene.as_deref(), arguments.replaced()?)?;
+    let settings = arguments.machine.resolve(Some(&loaded))?;
     let _held = Declared::default()
         .scene(arguments.scene.scene.as_deref(), &loaded)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
@@ -177,8 +171,7 @@ pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
         commit: COMMIT,
         ..RunOptions::new(Clock::Real)
     };
-    options.runner.core = core;
-    options.runner.priority = arguments.priority.or(options.runner.priority);
+    settings::apply(&settings, &mut options);
     if let Some(pairs) = arguments.cyclictest {
         return compare::run(arguments, pairs, &options, &loaded, &ending);
     }

@@ -14,6 +14,7 @@ mod tear;
 mod tool;
 
 use super::check;
+use crate::settings::MachineTables;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
@@ -50,6 +51,9 @@ pub struct Scene {
     /// The settings of `palpate solve`.
     #[serde(default, deserialize_with = "check::table")]
     pub solve: Solve,
+    /// Settings of the machine that this scene needs in place of those of the machine's own file.
+    #[serde(default, deserialize_with = "check::table")]
+    pub machine: MachineTables,
     /// Acceleration of gravity (m/s^2).
     #[serde(default = "earth", deserialize_with = "check::finite3")]
     pub gravity: [f64; 3],

@@ -72,8 +72,8 @@ pub fn ratios(pairs: &[Pair], percents: &[f64]) -> Vec<Ratio> {
     }
     let mut chance = Pcg64::seed_from_u64(SEED);
     let all = vec![1; pairs.len()];
-    let sorted =
-        [|pair: &Pair| &pair.loop_ns, |pair: &Pair| &pair.other_ns].map(|of| sorted(pairs, of));
+    let programs: [fn(&Pair) -> &Counts; 2] = [|pair| &pair.loop_ns, |pair| &pair.other_ns];
+    let sorted = programs.map(|of| sorted(pairs, of));
     let values = |weights: &[u64]| {
         let [ours, others] = sorted
             .each_ref()
