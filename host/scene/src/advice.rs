@@ -360,7 +360,6 @@ pub(super) fn example(field: &str, allowed: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::Scene;
     use std::collections::BTreeMap;
 
@@ -439,7 +438,7 @@ model = 'falcon'
             }
             let said = said(table, "zzzzzz = 1");
             let allowed = said.split_once("allowed: ").expect(&said).1;
-            for field in fields {
+            for field in *fields {
                 assert!(
                     allowed.contains(&format!("`{field}`")),
                     "{table}.{field}: {said}"
