@@ -33,6 +33,8 @@ pub struct Machine {
     pub virtual_machine: bool,
     /// Release and build of the kernel, such as `6.1.0-rt #1 SMP PREEMPT_RT`.
     pub kernel: Option<String>,
+    /// The command line of the kernel.
+    pub command_line: Option<String>,
     /// The operating system.
     pub system: Option<String>,
     /// The hardware behind the monotonic clock, such as `tsc`.
@@ -84,6 +86,7 @@ impl Machine {
                 Some(build) => format!("{release} {}", without_date(&build)),
                 None => release,
             }),
+            command_line: line("proc/cmdline"),
             system: line("etc/os-release").and_then(|text| pretty_name(&text)),
             clock_source: line("sys/devices/system/clocksource/clocksource0/current_clocksource"),
             governor: line(&format!("{of_core}/cpufreq/scaling_governor")),

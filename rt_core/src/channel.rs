@@ -17,6 +17,7 @@ use crate::held_back::HeldBackByDevice;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
 use crate::safety::{Limiter, SafetyConfig};
 use crate::slip::{Asked, Slip};
+use crate::square_wave::SquareWave;
 use nalgebra::UnitQuaternion;
 
 /// Factor by which an estimated velocity may exceed the largest velocity of a hand. The last stage limits the speed of
@@ -40,8 +41,10 @@ pub(crate) struct Channel {
     pub(crate) state: DeviceState,
     /// Whether the believed state is that of this tick.
     pub(crate) fresh: bool,
-    /// The sum of the bodies' wrenches on the proxy in this tick (scene axes).
+    /// The sum of the bodies' wrenches on the proxy in this tick, and of the square wave (scene axes).
     pub(crate) wrench: Wrench,
+    /// The square wave that the device is commanded beside the forces of bodies.
+    pub(crate) square_wave: Option<SquareWave>,
     /// The part of its force that the last stage passed, times the lever.
     pub(crate) passed: Passed,
     /// Time of the believed state (ns).
@@ -71,6 +74,7 @@ impl Channel {
             state,
             fresh: false,
             wrench: Wrench::zero(),
+            square_wave: None,
             passed: Passed::NONE,
             seen_ns: None,
             allowed: 1.0,
@@ -82,6 +86,9 @@ impl Channel {
         let state = reading.as_ref();
         self.fresh = state.is_ok_and(|state| self.follow(now_ns, state));
         self.wrench = Wrench::zero();
+        if let Some(wave) = &self.square_wave {
+            self.wrench.force = wave.at(now_ns);
+        }
     }
 
     /// Takes the state that the device gave. Returns whether the state is believed.

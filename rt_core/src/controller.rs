@@ -13,9 +13,10 @@ use crate::held_back::{HeldBackByBody, HeldBackByDevice};
 use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
 use crate::publication::Publication;
-use crate::record::{Telemetry, ToolTelemetry};
+use crate::record::{Stamps, Telemetry, ToolTelemetry};
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::slip::Asked;
+use crate::square_wave::SquareWave;
 use crate::tool::{PatchFault, PatchHead, ToolCoupling, ToolCouplingConfig};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 #[expect(
@@ -43,6 +44,8 @@ pub struct ControllerConfig {
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
     /// The tool of each device, by device. A device may hold a handle of a body, too: both forces add up.
     pub tools: [Option<ToolCouplingConfig>; MAX_DEVICES],
+    /// The square wave that each device is commanded beside the forces of bodies and tools, by device.
+    pub square_waves: [Option<SquareWave>; MAX_DEVICES],
 }
 
 /// The controller: the law and its whole state.
@@ -217,9 +220,10 @@ impl Controller {
             pool: 0.0,
         };
         // The lists have the capacities of those in the configuration.
-        for device in &config.devices {
+        for (device, wave) in config.devices.iter().zip(config.square_waves) {
             let number = new.channels.len();
-            let channel = Channel::new(number, device.frame, device.safety);
+            let mut channel = Channel::new(number, device.frame, device.safety);
+            channel.square_wave = wave;
             let _ = new.channels.push(channel);
         }
         for body in &config.bodies {
@@ -651,46 +655,44 @@ pub fn cycle<D: Device + ?Sized>(
     devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
-    cycle_watched(controller, devices, now_ns, |_| 0)
+    cycle_timed(controller, devices, now_ns, || 0)
 }
 
-/// The stages of a tick with its devices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// No device has been read.
-    Begun,
-    /// The device of this index has been read.
-    Read(usize),
-    /// The controller has computed the wrenches.
-    Computed,
-    /// The device of this index has been given its wrench.
-    Written(usize),
-}
-
-/// Does what [`cycle`] does, and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time
-/// since the tick woke (ns), or zero if no clock runs.
-pub fn cycle_watched<D: Device + ?Sized>(
+/// Does what [`cycle`] does, and stamps the times within the tick. `took` returns the time since the tick woke (ns), or zero
+/// if no clock runs.
+pub fn cycle_timed<D: Device + ?Sized>(
     controller: &mut Controller,
     devices: &mut [impl DerefMut<Target = D>],
     time: impl Into<TickTime>,
-    mut watch: impl FnMut(Stage) -> u64,
+    took: impl Fn() -> u64,
 ) -> (Telemetry, u32) {
     let time = time.into();
-    watch(Stage::Begun);
+    let mut stamps = Stamps {
+        began_ns: took(),
+        ..Stamps::default()
+    };
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-    // Not `enumerate`: the compiler does not know that its count cannot overflow.
-    for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
+    let each = readings.iter_mut().zip(&mut stamps.read_ns);
+    for (device, (reading, read_ns)) in devices.iter_mut().zip(each) {
         *reading = device.read(time.now_ns);
-        watch(Stage::Read(index));
+        *read_ns = took();
     }
     let (mut commands, mut telemetry) = controller.tick(time, &readings);
-    controller.end(watch(Stage::Computed), &mut commands, &mut telemetry);
+    controller.end(took(), &mut commands, &mut telemetry);
     let mut refused: u32 = 0;
-    for ((device, command), index) in devices.iter_mut().zip(&commands).zip(0..MAX_DEVICES) {
+    let each = stamps
+        .written_ns
+        .iter_mut()
+        .zip(&mut stamps.motion_to_force_ns);
+    for ((device, command), (written_ns, motion_to_force_ns)) in
+        devices.iter_mut().zip(&commands).zip(each)
+    {
         if device.write(time.now_ns, command).is_err() {
             refused = refused.saturating_add(1);
         }
-        watch(Stage::Written(index));
+        *written_ns = took();
+        *motion_to_force_ns = device.motion_to_force_ns().unwrap_or(0);
     }
+    telemetry.stamps = stamps;
     (telemetry, refused)
 }

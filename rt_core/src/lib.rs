@@ -66,11 +66,12 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 mod slip;
+pub mod square_wave;
 pub mod tool;
 mod trust;
 pub mod velocity;
 
-pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};
+pub use controller::{Controller, ControllerConfig, TickTime, cycle, cycle_timed};
 pub use device::{
     Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Reading,
     Rendering,

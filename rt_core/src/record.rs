@@ -162,6 +162,20 @@ impl ToolTelemetry {
     }
 }
 
+/// The times within a tick, each from its wake-up (ns). All are zero under virtual time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stamps {
+    /// Just before the first device was read: the newest models and patches have been taken.
+    pub began_ns: u64,
+    /// When each device had been read, by device.
+    pub read_ns: [u64; MAX_DEVICES],
+    /// When each device had been given its wrench, by device.
+    pub written_ns: [u64; MAX_DEVICES],
+    /// The newest time from a motion to the force that answered it, by device ([`crate::Device::motion_to_force_ns`]); zero
+    /// if no new time came.
+    pub motion_to_force_ns: [u64; MAX_DEVICES],
+}
+
 /// Copied at once: a tick has a record, also without tools.
 const NO_TOOLS: [ToolTelemetry; MAX_DEVICES] = [ToolTelemetry::empty(); MAX_DEVICES];
 
@@ -176,6 +190,8 @@ pub struct Telemetry {
     pub lateness_ns: u64,
     /// Time from the wake-up to the moment just before the commands left (ns); zero under virtual time.
     pub took_ns: u64,
+    /// The other times within the tick.
+    pub stamps: Stamps,
     /// The number of entries of `devices` in use.
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
@@ -202,6 +218,7 @@ impl Telemetry {
             time_ns: 0,
             lateness_ns: 0,
             took_ns: 0,
+            stamps: Stamps::default(),
             device_count: 0,
             // Not `[device; MAX_DEVICES]`, for which the compiler writes most of each entry twice.
             devices: core::array::from_fn(|_| device),

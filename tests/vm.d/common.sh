@@ -91,7 +91,7 @@ clean() {
 
 # figures FILE NAME: prints the distributions of a run in microseconds, one number a line.
 figures() {
-    for times in lateness duration read write motion_to_force; do
+    for times in lateness duration read compute write motion_to_force; do
         for quantile in p50 p99 p99_9 max; do
             value=$(field "$1" "$times" "$quantile")
             awk -v name="$2 $times $quantile" -v value="${value:-absent}" \

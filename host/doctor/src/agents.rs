@@ -10,7 +10,7 @@ use crate::system::System;
 
 /// Programs that read counters of every core, and so interrupt every core, by the names of their processes (15 letters at
 /// most).
-const AGENTS: [&str; 15] = [
+const AGENTS: [&str; 12] = [
     "netdata",
     "collectd",
     "telegraf",
@@ -22,9 +22,6 @@ const AGENTS: [&str; 15] = [
     "turbostat",
     "perf",
     "powertop",
-    "thermald",
-    "tuned-ppd",
-    "atopacctd",
     "sysdig",
 ];
 

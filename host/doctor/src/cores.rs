@@ -31,14 +31,14 @@ fn reserved(system: &System) -> String {
     list(&cores)
 }
 
-/// Steps that need another core for the rest of the machine.
-fn with_another_core(system: &System, step: impl FnOnce() -> Step) -> Vec<Step> {
-    if system.others().is_empty() {
-        vec![Step::ByHand(
-            "give the machine two cores or more: a core can be reserved only where there is another".into(),
-        )]
-    } else {
-        vec![step()]
+/// Steps that need other cores for the rest of the machine; `steps` takes the list of these.
+fn with_another_core(system: &System, steps: impl FnOnce(&str) -> Vec<Step>) -> Vec<Step> {
+    match system.others_listed() {
+        Some(others) => steps(&others),
+        None => vec![Step::ByHand(
+            "give the machine two cores or more: a core can be reserved only where there is another"
+                .into(),
+        )],
     }
 }
 
@@ -66,9 +66,9 @@ fn isolated(system: &System) -> Check {
                 } else {
                     format!("isolated are only {}", list(isolated))
                 },
-                with_another_core(system, || {
+                with_another_core(system, |_| {
                     let value = format!("managed_irq,domain,{}", reserved(system));
-                    system.kernel_parameter(entry.id, "isolcpus", &value)
+                    vec![system.kernel_parameter(entry.id, "isolcpus", &value)]
                 }),
             ),
         }
@@ -82,8 +82,9 @@ fn nohz_full(system: &System) -> Check {
         name: "nohz_full",
         cost: "the kernel's own timer interrupts the tick's core 100 to 1000 times a second, for microseconds each",
     };
+    let file = "sys/devices/system/cpu/nohz_full";
     let core = system.core;
-    let finding = match system.cores_in("sys/devices/system/cpu/nohz_full") {
+    let finding = match system.cores_in(file) {
         Some(found) if found.contains(&core) => Finding::Met(format!("cores {}", list(&found))),
         Some(found) => Finding::Lacking(
             if found.is_empty() {
@@ -91,12 +92,13 @@ fn nohz_full(system: &System) -> Check {
             } else {
                 format!("only cores {}", list(&found))
             },
-            with_another_core(system, || {
-                system.kernel_parameter(entry.id, "nohz_full", &reserved(system))
+            with_another_core(system, |_| {
+                vec![system.kernel_parameter(entry.id, "nohz_full", &reserved(system))]
             }),
         ),
-        None if system.names("sys/devices/system/cpu").is_empty() => {
-            Finding::Unknown("the system does not list its cores".into())
+        // A kernel that has the feature has the file, also without a core in it.
+        None if system.path(file).exists() || system.cores.online.is_empty() => {
+            Finding::Unknown("the system does not tell the cores of nohz_full".into())
         }
         None => Finding::Lacking(
             "the kernel is built without it".into(),
@@ -129,8 +131,8 @@ fn rcu_nocbs(system: &System) -> Check {
             }
             given => Finding::Lacking(
                 given.map_or("no core".into(), |given| format!("rcu_nocbs={given}")),
-                with_another_core(system, || {
-                    system.kernel_parameter(entry.id, "rcu_nocbs", &reserved(system))
+                with_another_core(system, |_| {
+                    vec![system.kernel_parameter(entry.id, "rcu_nocbs", &reserved(system))]
                 }),
             ),
         },
@@ -219,18 +221,15 @@ const MOST_NAMES: usize = 6;
 /// The steps that keep interrupts off the tick's core. The kernel refuses to move managed ones; these stay away by the flag
 /// `managed_irq` of `isolcpus`, while another core serves their queue.
 fn move_interrupts(system: &System, id: &str) -> Vec<Step> {
-    let Some(others) = system.others_listed() else {
-        return with_another_core(system, || Step::ByHand(String::new()));
-    };
-    vec![
-        system.kernel_parameter(id, "irqaffinity", &others),
-        Step::at_start(
-            id,
-            &format!(
-                "for irq in /proc/irq/[0-9]*; do echo {others} > $irq/smp_affinity_list; done 2> /dev/null; true"
-            ),
-        ),
-    ]
+    with_another_core(system, |others| {
+        let command = format!(
+            "for irq in /proc/irq/[0-9]*; do echo {others} > $irq/smp_affinity_list; done 2> /dev/null; true"
+        );
+        vec![
+            system.kernel_parameter(id, "irqaffinity", others),
+            Step::at_start(id, &command),
+        ]
+    })
 }
 
 /// The interrupt with this number, if it may come to the tick's core. One without a handler never comes.
@@ -301,16 +300,16 @@ fn banned(system: &System) -> Option<Vec<usize>> {
         .into_iter()
         .map(|name| format!("{folder}/{name}"));
     let files = drop_ins.chain(["etc/default/irqbalance".to_owned()]);
-    let lists = files.filter_map(|file| {
+    let mut lists = files.filter_map(|file| {
         let text = system.text(&file)?;
         let lines = text
             .lines()
             .map(|line| line.trim().trim_start_matches("Environment="));
-        let values = lines.filter_map(|line| line.trim_matches('"').strip_prefix(BANNED));
-        let value = values.last()?.trim_matches(['"', '\'']).to_owned();
+        let mut values = lines.filter_map(|line| line.trim_matches('"').strip_prefix(BANNED));
+        let value = values.next_back()?.trim_matches(['"', '\'']).to_owned();
         runner::cores::parse_list(&value).ok()
     });
-    lists.last()
+    lists.next_back()
 }
 
 fn sibling(system: &System) -> Check {

@@ -5,7 +5,7 @@
 //! changed. [`examine`] reads and judges; [`script`] writes the steps as one script for the shell; [`Report`] holds both
 //! the table and the line at the start of a run.
 //!
-//! One file holds one group of checks: [`kernel`], [`cores`], [`power`], [`limits`], [`agents`] and [`usb`]. Each names the
+//! One file holds one group of checks: `kernel`, `cores`, `power`, `limits`, `agents` and `usb`. Each names the
 //! kernel's documents from which its files and their meaning come.
 #![forbid(unsafe_code)]
 

@@ -116,12 +116,12 @@ fn quota(system: &System) -> Check {
     let finding = if system.text("proc/self/cgroup").is_none() {
         Finding::Unknown("the system does not tell the control group of this process".into())
     } else {
-        let quotas = Path::new(&group).ancestors().filter_map(|group| {
+        let mut quotas = Path::new(&group).ancestors().filter_map(|group| {
             let group = group.to_str()?.trim_end_matches('/');
             let quota = quota_of(system, group)?;
             Some((group.to_owned(), quota))
         });
-        match quotas.collect::<Vec<_>>().first() {
+        match quotas.next() {
             None => Finding::Met("none".into()),
             Some((group, quota)) => Finding::Lacking(
                 format!("{quota} in the group {group}"),

@@ -176,7 +176,7 @@ pub fn script(report: &Report) -> String {
                 Step::ByHand(text) => {
                     // A line of a comment for the shell, whatever the machine has put into the text.
                     let text = text.replace(|c: char| c.is_control() || c == '\'', "?");
-                    hand += &format!("    echo '  {}: {text}'\n", check.name);
+                    hand += &format!("    printf '  %s\\n' '{}: {text}'\n", check.name);
                     continue;
                 }
                 Step::File { path, text } => {

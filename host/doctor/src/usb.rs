@@ -369,7 +369,7 @@ fn late_rules(device: &Found, rules: &Rules) -> Check {
                 ),
             )],
         ),
-        (Some(file), _) => Finding::Met(file.to_string()),
+        (Some(file), _) => Finding::Met((*file).to_owned()),
         (None, _) => Finding::Met("no tag uaccess after 73".into()),
     };
     entry.check("the tag uaccess in rules before 73", finding)

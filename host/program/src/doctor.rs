@@ -2,9 +2,11 @@
 
 use super::CommandError;
 use super::outputs::{Declared, Format};
+use super::settings::MachineArguments;
 use doctor::{Asked, Check, Report, Verdict};
 use host::atomic_file::{write_atomically, write_json};
-use runner::{CoreChoice, Cores};
+use host::scene::settings::Settings;
+use runner::CoreChoice;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -21,12 +23,8 @@ arguments give 2 as well, but print no table and write no --json.";
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct DoctorArguments {
-    /// The core of the tick. Default: the core that `palpate run --clock real` takes
-    #[arg(long, value_name = "N")]
-    core: Option<usize>,
-    /// Priority of the tick under SCHED_FIFO, 1 to 99. Default: 80
-    #[arg(long, value_name = "P", value_parser = crate::run::priority)]
-    priority: Option<u8>,
+    #[command(flatten)]
+    machine: MachineArguments,
     /// Write the checks as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -89,17 +87,12 @@ impl From<Check> for CheckJson {
 }
 
 pub(super) fn run(arguments: &DoctorArguments) -> Result<(), CommandError> {
-    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
-    Cores::of_this_machine().check(core)?;
+    let settings = arguments.machine.resolve(None)?;
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .file("--script", arguments.script.as_ref(), Format::Script)
         .check()?;
-    let asked = Asked {
-        core: arguments.core,
-        priority: arguments.priority,
-    };
-    let report = doctor::examine(Path::new("/"), &asked);
+    let report = doctor::examine(Path::new("/"), &asked(&settings));
     print(&report);
     if let Some(path) = &arguments.script {
         write_atomically(path, doctor::script::script(&report).as_bytes())?;
@@ -126,8 +119,21 @@ pub(super) fn run(arguments: &DoctorArguments) -> Result<(), CommandError> {
 }
 
 /// The line at the start of a run under the real clock.
-pub(super) fn line(core: Option<usize>, priority: Option<u8>) -> String {
-    doctor::examine(Path::new("/"), &Asked { core, priority }).line()
+pub(super) fn line(settings: &Settings) -> String {
+    doctor::examine(Path::new("/"), &asked(settings)).line()
+}
+
+/// The core and the priority for which the machine is judged.
+fn asked(settings: &Settings) -> Asked {
+    let core = match settings.core.value {
+        CoreChoice::Id(core) => Some(core),
+        // The choice of a run.
+        CoreChoice::Isolated | CoreChoice::Last | CoreChoice::Anywhere => None,
+    };
+    Asked {
+        core,
+        priority: Some(settings.priority.value),
+    }
 }
 
 /// Prints the table, and for each lacking condition its cost and its commands.

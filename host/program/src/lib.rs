@@ -14,6 +14,7 @@ mod compare;
 mod device;
 mod doctor;
 mod fault;
+mod latency;
 mod mesh;
 mod operator;
 mod order;
@@ -25,6 +26,7 @@ mod progress;
 mod replay;
 mod run;
 mod sets;
+mod settings;
 mod signals;
 mod solve;
 mod stress;
@@ -74,6 +76,8 @@ Examples:
   palpate sweep my_scene.toml --set body[0].material.young=1e5,2e5,4e5
                                                run a scene for each value of a field
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
+  palpate latency --report latency.md          measure the latency of this machine, for a paper
+  palpate settings                             print the settings of this machine, each with what gives it
   palpate device list                          print which devices are connected, and how a scene names them
   palpate doctor                               print what this machine lacks for a steady tick, and how to mend it
   palpate bench speed --quick                  measure run time against error, and compare with other programs
@@ -85,6 +89,8 @@ enum Task {
     Run(Box<run::RunArguments>),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
+    /// Print the settings of this machine: core and priority of the tick, threads of the devices, folder of logs
+    Settings(settings::SettingsArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
@@ -99,6 +105,8 @@ enum Task {
     Doctor(doctor::DoctorArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
+    /// Measure how late the loop is, how often, and where from, alone and under load
+    Latency(latency::LatencyArguments),
     /// Test devices, schemes and scenes at their limits, before a person touches a device
     Stress(stress::StressArguments),
     /// Show a run that is under way, or play a log back: in the terminal, in a browser, or in Foxglove
@@ -155,10 +163,10 @@ enum CommandError {
     #[error(transparent)]
     Device(#[from] device::DeviceCommandError),
     #[error(
-        "{count} conditions of a steady tick are lacking; the table above says which and how to mend them"
+        "found {count} lacking conditions of a steady tick; the table above says which and how to mend them"
     )]
     Lacking { count: usize },
-    #[error("{count} conditions of a steady tick are unknown; the table above says which")]
+    #[error("found {count} unknown conditions of a steady tick; the table above says which")]
     Undetermined { count: usize },
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
@@ -192,6 +200,16 @@ enum CommandError {
         "--force-displacement: no support of the scene is displaced; give a [[body.support]] a `displacement`"
     )]
     NothingDisplaced,
+    #[error("--square-wave: {0}")]
+    SquareWave(String),
+    #[error("the system gave no process for the load: {0}; measure without it by --load none")]
+    Load(std::io::Error),
+    #[error(
+        "--cyclictest: the program cyclictest cannot be started: {0}; install the package rt-tests"
+    )]
+    NoCyclictest(std::io::Error),
+    #[error("--cyclictest: {0}")]
+    Cyclictest(String),
     #[error("the solve stopped before full load; the reason is above")]
     NotSolved,
     #[error(transparent)]
@@ -221,6 +239,7 @@ impl CommandError {
             | Self::Sweep(_)
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
+            | Self::SquareWave(_)
             | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
             | Self::Study(
                 study::StudyError::Scene(_)
@@ -247,8 +266,8 @@ impl CommandError {
 
 /// Executes the command that the arguments of the process name. Returns the exit code.
 pub fn main() -> ExitCode {
-    // The process of a plug-in is this program.
-    if let Some(code) = devices::plugin::served() {
+    // The processes of a plug-in and of a load are this program.
+    if let Some(code) = devices::plugin::served().or_else(latency::served) {
         return code;
     }
     panics::report_in_one_line();
@@ -270,7 +289,7 @@ impl Task {
     /// Whether the command has an end of its own for signals.
     fn ends_by_itself(&self) -> bool {
         match self {
-            Self::Run(_) | Self::Device(_) => true,
+            Self::Run(_) | Self::Device(_) | Self::Latency(_) => true,
             #[cfg(feature = "view")]
             Self::View(_) => true,
             _ => false,
@@ -332,6 +351,7 @@ fn execute(command: Option<Task>) -> u8 {
     let result = match command {
         Task::Run(arguments) => run::run(&arguments),
         Task::Plan(arguments) => plan::run(&arguments),
+        Task::Settings(arguments) => settings::run(&arguments),
         Task::Solve(arguments) => solve::run(&arguments),
         Task::Compare(arguments) => compare::run(&arguments),
         Task::Sweep(arguments) => sweep::run(&arguments),
@@ -339,6 +359,7 @@ fn execute(command: Option<Task>) -> u8 {
         Task::Device(arguments) => device::run(&arguments),
         Task::Doctor(arguments) => doctor::run(&arguments),
         Task::Bench(arguments) => bench::run(&arguments),
+        Task::Latency(arguments) => latency::run(&arguments),
         Task::Stress(arguments) => stress::run(&arguments),
         #[cfg(feature = "view")]
         Task::View(arguments) => view::run(&arguments),

@@ -44,13 +44,15 @@ pub(super) enum Format {
     Script,
     /// A mesh; the ending says in which of the formats.
     Mesh,
+    /// A text for people.
+    Text,
 }
 
 /// The endings that say a format. A file may have any other ending, or none.
-const KNOWN_ENDINGS: [&str; 27] = [
+const KNOWN_ENDINGS: [&str; 28] = [
     "svg", "svgz", "png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "ps", "eps",
     "html", "json", "jsonl", "ndjson", "csv", "tsv", "toml", "mcap", "bag", "msh", "vtk", "vtu",
-    "pvd", "obj",
+    "pvd", "obj", "md",
 ];
 
 impl Format {
@@ -66,6 +68,7 @@ impl Format {
             Self::Toml => &["toml"],
             Self::Script => &["sh"],
             Self::Mesh => &["msh", "vtk", "vtu"],
+            Self::Text => &["md", "txt"],
         }
     }
 

@@ -6,6 +6,7 @@ use super::order::order;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
 use super::progress::ProgressBar;
+use super::settings::{self, MachineArguments};
 use super::signals::Ending;
 #[cfg(feature = "view")]
 use super::watch::Watch;
@@ -20,7 +21,7 @@ use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
 use host::scene::spec::Device;
 use physics::FactorCode;
-use runner::{CallPolicy, CoreChoice, Cores, Reserved};
+use runner::{CallPolicy, Cores, Reserved};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -55,7 +56,8 @@ pub(super) struct RunArguments {
     /// bytes on every machine
     #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
     instructions: InstructionsName,
-    /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
+    /// Log every tick (MCAP, for Foxglove, PlotJuggler and others). A relative path lies in `log.folder` of the settings,
+    /// if they give one (`palpate settings`)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Draw force and position over time (SVG or PNG)
@@ -96,7 +98,8 @@ pub(super) struct RunArguments {
         long,
         value_name = "FILE",
         conflicts_with_all = [
-            "clock", "duration", "seed", "instructions", "log", "plot", "histogram", "sets", "devices",
+            "clock", "duration", "seed", "instructions", "log", "plot", "histogram", "sets", "devices", "core",
+            "priority", "settings",
         ]
     )]
     replay: Option<PathBuf>,
@@ -117,14 +120,8 @@ pub(super) struct RunArguments {
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
           default_missing_value = "all", conflicts_with = "replay")]
     strict: Option<Strict>,
-    /// Real clock: the core that this program reserves for the tick, preferably an isolated one. Default: the first
-    /// isolated core, or without one the last core that this program may use
-    #[arg(long, value_name = "N", conflicts_with = "replay")]
-    core: Option<usize>,
-    /// Real clock: priority of the tick under SCHED_FIFO, 1 to 99. Default: 80, which is above threaded interrupts
-    /// (50) and below the kernel's own watchdogs (99)
-    #[arg(long, value_name = "P", value_parser = priority, conflicts_with = "replay")]
-    priority: Option<u8>,
+    #[command(flatten)]
+    machine: MachineArguments,
     #[command(flatten)]
     overrides: Overrides,
     #[cfg(feature = "view")]
@@ -181,8 +178,7 @@ impl Default for RunArguments {
             fault: Vec::new(),
             order: Vec::new(),
             strict: None,
-            core: None,
-            priority: None,
+            machine: MachineArguments::default(),
             overrides: Overrides::default(),
             #[cfg(feature = "view")]
             view: ViewArguments::default(),
@@ -241,12 +237,6 @@ fn pace(text: &str) -> Result<f64, String> {
     allowed.ok_or_else(|| format!("found {text}, allowed: 0, or a number from 0.001 to 1000"))
 }
 
-/// Parses a priority under SCHED_FIFO.
-pub(super) fn priority(text: &str) -> Result<u8, String> {
-    let allowed = text.parse().ok().filter(|value| (1..=99).contains(value));
-    allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
-}
-
 /// The system calls that a scene's devices need in the tick.
 fn needed_calls(scene: &Scene) -> CallPolicy {
     let mut devices = scene.devices.iter();
@@ -286,8 +276,8 @@ fn can_take(arguments: &RunArguments, scene: &Scene) -> Result<(), CommandError>
 fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
     let given = [
         ("--strict", arguments.strict.is_some()),
-        ("--core", arguments.core.is_some()),
-        ("--priority", arguments.priority.is_some()),
+        ("--core", arguments.machine.core.is_some()),
+        ("--priority", arguments.machine.priority.is_some()),
         ("--histogram", arguments.histogram.is_some()),
     ];
     match given.into_iter().find(|(_, given)| *given) {
@@ -307,12 +297,24 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         let (scene, json) = (&arguments.scene.scene, &arguments.json);
         return super::replay::run(path, scene.as_deref(), json.as_ref(), &ticks);
     }
-    // Before anything else: a signal that comes while the scene is built must not end a program that opens devices.
     let real = arguments.clock == ClockName::Real;
-    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
-    let machine = Cores::of_this_machine();
-    // The threads that start here leave the core of the tick free, as the threads of the run do.
-    let reserved = real.then(|| Reserved::new(core, &machine));
+    needs_real_clock(arguments)?;
+    let scene = arguments.scene.scene.as_deref();
+    if arguments.overrides.has_latency() && real {
+        return Err(CommandError::NeedsVirtualClock);
+    }
+    #[cfg(feature = "view")]
+    if arguments.view.pace.is_some() && real {
+        return Err(CommandError::PaceNeedsVirtualClock);
+    }
+    // The scene may name the core of the tick, so it is read before the first thread starts.
+    let loaded = arguments.overrides.load(&arguments.scene)?;
+    let settings = arguments.machine.resolve(Some(&loaded))?;
+    let (core, idle) = (settings.core.value, settings.idle_sibling.value);
+    let log = arguments.log.as_deref().map(|path| settings.log(path));
+    // Before the scene is built: a signal that comes meanwhile must not end a program that opens devices. The threads that
+    // start here leave the core of the tick free, as the threads of the run do.
+    let reserved = real.then(|| Reserved::new(core, idle, &Cores::of_this_machine()));
     let ending = Ending::begin(real)?;
     let panel = Panel::default();
     #[cfg_attr(
@@ -324,17 +326,6 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     )]
     let keyboard = real.then(|| operator::begin(&panel)).transpose()?;
     drop(reserved);
-    needs_real_clock(arguments)?;
-    machine.check(core)?;
-    let scene = arguments.scene.scene.as_deref();
-    if arguments.overrides.has_latency() && real {
-        return Err(CommandError::NeedsVirtualClock);
-    }
-    #[cfg(feature = "view")]
-    if arguments.view.pace.is_some() && real {
-        return Err(CommandError::PaceNeedsVirtualClock);
-    }
-    let loaded = arguments.overrides.load(&arguments.scene)?;
     let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
         folder: folder.clone(),
         rate: arguments
@@ -351,7 +342,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     can_take(arguments, &loaded.scene)?;
     let _held = Declared::default()
         .scene(scene, &loaded)
-        .file("--log", arguments.log.as_ref(), Format::Mcap)
+        .file("--log", log.as_ref(), Format::Mcap)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .ticks(&ticks)
@@ -365,7 +356,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let mut options = RunOptions {
         duration: arguments.duration,
         seed: arguments.seed,
-        log: arguments.log.clone(),
+        log,
         log_frames: arguments.log_frames,
         plot: arguments.plot.clone(),
         component: arguments.axis.map_or(Component::default(), Component::from),
@@ -404,8 +395,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
     options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
-    options.runner.core = core;
-    options.runner.priority = arguments.priority.or(options.runner.priority);
+    settings::apply(&settings, &mut options);
     // A display that has the terminal reads its keys.
     let lines = options.view.is_none() || !std::io::stdout().is_terminal();
     let mut waiting = operator::waiting(&loaded.scene, real, lines);
@@ -414,7 +404,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
     if real {
-        bar.say(&super::doctor::line(arguments.core, arguments.priority));
+        bar.say(&super::doctor::line(&settings));
     }
     let world = build(&loaded, &bar)?;
     let mut warned = false;

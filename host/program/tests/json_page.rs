@@ -50,6 +50,12 @@ const OUTPUTS: [Output; 9] = [
         root: "palpate::plan::PlanJson",
     },
     Output {
+        title: Cow::Borrowed("`palpate settings --json`"),
+        schema: "palpate.settings/1",
+        about: "The settings of the machine, each with what gives it.",
+        root: "palpate::settings::SettingsJson",
+    },
+    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -76,7 +82,7 @@ const OUTPUTS: [Output; 9] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 10] = [
+const STUDIES: [Output; 12] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
@@ -130,6 +136,18 @@ const STUDIES: [Output; 10] = [
         schema: "palpate.velocity/1",
         about: "Errors of the estimate of velocity.",
         root: "study::velocity::VelocityStudy",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate latency --json`"),
+        schema: "palpate.latency/1",
+        about: "How late the loop is, how often, and where from.",
+        root: "study::latency::result::Latency",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate latency --cyclictest --json`"),
+        schema: "palpate.cyclictest/1",
+        about: "The wake-up of the loop beside that of cyclictest.",
+        root: "palpate::latency::compare::Comparison",
     },
     Output {
         title: Cow::Borrowed("`palpate stress seeds --json`"),

@@ -39,8 +39,31 @@ const SYNONYMS: [(&str, &str); 31] = [
 /// Solvers that scenes could once name.
 const SOLVERS: [&str; 2] = ["assembled", "frozen_single"];
 
-/// The fields of each table.
-const TABLES: [(&str, &[&str]); 17] = [
+/// The fields of each table of a format, by the table's name.
+pub(super) type Format = &'static [(&'static str, &'static [&'static str])];
+
+/// The tables of the machine's settings.
+pub(super) const SETTINGS: Format = &[
+    ("", &["tick", "device_threads", "log", "serve"]),
+    ("tick", &["core", "priority", "idle_sibling"]),
+    ("device_threads", &["cores", "priority"]),
+    ("log", &["folder"]),
+    (
+        "serve",
+        &[
+            "scene",
+            "log",
+            "file_mib",
+            "file_minutes",
+            "total_mib",
+            "retry",
+            "socket",
+        ],
+    ),
+];
+
+/// The tables of a scene.
+pub(super) const SCENE: Format = &[
     (
         "",
         &[
@@ -51,6 +74,7 @@ const TABLES: [(&str, &[&str]); 17] = [
             "loop",
             "host",
             "solve",
+            "machine",
             "gravity",
             "body",
             "obstacle",
@@ -100,6 +124,10 @@ const TABLES: [(&str, &[&str]); 17] = [
             "refuse_inversion",
         ],
     ),
+    ("machine", &["tick", "device_threads"]),
+    ("machine.tick", &["core", "idle_sibling"]),
+    ("machine.device_threads", &["cores", "priority"]),
+    ("machine.log", &["folder"]),
     (
         "body",
         &[
@@ -170,6 +198,7 @@ const TABLES: [(&str, &[&str]); 17] = [
             "continuous_force",
             "heat_time",
             "grip_weight",
+            "square_wave",
             "engage",
             "motion_scale",
             "mounting",
@@ -185,6 +214,7 @@ const TABLES: [(&str, &[&str]); 17] = [
         &["arm", "arm_button", "dead_man_button", "stop_button"],
     ),
     ("device.mounting", &["origin"]),
+    ("device.square_wave", &["half_period"]),
     (
         "device.hand",
         &[
@@ -202,7 +232,7 @@ const TABLES: [(&str, &[&str]); 17] = [
 ];
 
 /// Examples of fields that are tables or lists.
-const EXAMPLES: [(&str, &str); 20] = [
+const EXAMPLES: [(&str, &str); 21] = [
     ("mesh", "mesh.file = \"liver.msh\""),
     (
         "material",
@@ -218,6 +248,7 @@ const EXAMPLES: [(&str, &str); 20] = [
     ("rotation", "rotation = { axis = [0, 0, 1], degrees = 90 }"),
     ("displacement", "displacement = [0, 0, -0.01]"),
     ("force", "force = [0, 0, -1]"),
+    ("square_wave", "square_wave = { force = [0, 0, 1] }"),
     ("hand", "hand = { grip = \"typical\" }"),
     (
         "waypoints",
@@ -295,13 +326,13 @@ pub(super) fn meant(found: &str, allowed: &str) -> String {
 
 /// As [`meant`] for the field at the path `field`, such as `body[0].scale`; otherwise the tables that have a field of this
 /// name.
-pub(super) fn of_field(field: &str, allowed: &str) -> String {
+pub(super) fn of_field(field: &str, allowed: &str, format: Format) -> String {
     let name = field.rsplit('.').next().unwrap_or(field);
     let name = name.split('[').next().unwrap_or(name);
-    let lives = TABLES.iter().filter(|(_, fields)| fields.contains(&name));
+    let lives = format.iter().filter(|(_, fields)| fields.contains(&name));
     let lives: Vec<_> = lives
         .map(|(table, _)| match *table {
-            "" => format!("`{name}` at the top of the scene"),
+            "" => format!("`{name}` at the top of the file"),
             table => format!("`{table}.{name}`"),
         })
         .collect();
@@ -329,7 +360,6 @@ pub(super) fn example(field: &str, allowed: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::Scene;
     use std::collections::BTreeMap;
 
@@ -338,6 +368,10 @@ name = 'a'
 [loop]
 [host]
 [solve]
+[machine]
+[machine.tick]
+[machine.device_threads]
+[machine.log]
 [[body]]
 name = 'b'
 mesh.box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1] }
@@ -398,13 +432,13 @@ model = 'falcon'
 
     #[test]
     fn every_field_of_the_tables_exists() {
-        for (table, fields) in TABLES {
-            if table == "body.tear" {
+        for (table, fields) in super::SCENE {
+            if *table == "body.tear" {
                 continue; // A solid has none.
             }
             let said = said(table, "zzzzzz = 1");
             let allowed = said.split_once("allowed: ").expect(&said).1;
-            for field in fields {
+            for field in *fields {
                 assert!(
                     allowed.contains(&format!("`{field}`")),
                     "{table}.{field}: {said}"
@@ -445,7 +479,7 @@ model = 'falcon'
             (
                 "body",
                 "contact = true",
-                "; did you mean `contact` at the top of the scene?",
+                "; did you mean `contact` at the top of the file?",
             ),
             ("body", "friction = 0.3", "`contact.friction`?"),
             ("", "zzzzzz = 1", "`device`"),

@@ -70,6 +70,7 @@ pub(super) fn check(scene: &Scene) -> Check {
         check_held(&format!("device[{index}]"), device)?;
         check_mounting(&format!("device[{index}]"), device)?;
         check_heat(&format!("device[{index}]"), device)?;
+        check_square_wave(&format!("device[{index}]"), device, scene.realtime.rate)?;
     }
     Ok(())
 }
@@ -359,6 +360,16 @@ fn check_heat(at: &str, device: &Device) -> Check {
         let allowed = format!("a force above the weight of the grip, {weight:?} N");
         let field = format!("{at}.continuous_force");
         require(force > weight, &field, format!("{force:?}"), allowed)
+    })
+}
+
+/// A square wave holds each of its forces for a tick at least.
+fn check_square_wave(at: &str, device: &Device, rate: f64) -> Check {
+    device.square_wave.map_or(Ok(()), |wave| {
+        let allowed = format!("a tick at least, {:?} s", 1.0 / rate);
+        let field = format!("{at}.square_wave.half_period");
+        let found = wave.half_period;
+        require(found * rate >= 1.0, &field, format!("{found:?}"), allowed)
     })
 }
 

@@ -75,6 +75,7 @@ impl<const N: usize> Table<'_, N> {
         allowed: impl Into<String>,
     ) -> SceneError {
         let location = SourceLocation {
+            column: None,
             file: self.name.to_owned(),
             line,
             field: column.to_owned(),

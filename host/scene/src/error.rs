@@ -29,6 +29,14 @@ pub enum SceneError {
         /// The system's error.
         source: io::Error,
     },
+    /// The file of the machine's settings cannot be read.
+    #[error("{file}: cannot read these settings: {source}")]
+    Settings {
+        /// The file.
+        file: String,
+        /// The system's error.
+        source: io::Error,
+    },
     /// There is no device of this name.
     #[error("found {found:?}, allowed: a device file (.toml), or a built-in device: {known}")]
     NoDevice {
@@ -100,6 +108,8 @@ pub struct SourceLocation {
     pub file: String,
     /// Line, counted from 1.
     pub line: usize,
+    /// Column in characters, counted from 1; `None` in a file whose messages name lines only.
+    pub column: Option<usize>,
     /// The field, such as `body[0].material.young`; empty if the error concerns no field.
     pub field: String,
 }
@@ -107,6 +117,9 @@ pub struct SourceLocation {
 impl fmt::Display for SourceLocation {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(to, "{}:{}", self.file, self.line)?;
+        if let Some(column) = self.column {
+            write!(to, ":{column}")?;
+        }
         if self.field.is_empty() {
             Ok(())
         } else {
@@ -119,7 +132,10 @@ impl SceneError {
     /// The location in the text of the scene; `None` if no text was read.
     pub(super) fn location_mut(&mut self) -> Option<&mut SourceLocation> {
         match self {
-            Self::Read { .. } | Self::DeviceFile { .. } | Self::NoDevice { .. } => None,
+            Self::Read { .. }
+            | Self::Settings { .. }
+            | Self::DeviceFile { .. }
+            | Self::NoDevice { .. } => None,
             Self::Malformed { location, .. }
             | Self::Missing { location, .. }
             | Self::Unknown { location, .. }
@@ -152,7 +168,12 @@ impl SceneError {
             field,
             problem,
         } = error;
-        let location = SourceLocation { file, line, field };
+        let location = SourceLocation {
+            file,
+            line,
+            column: None,
+            field,
+        };
         match problem {
             ModelProblem::Syntax(problem) => Self::Malformed {
                 location,
@@ -173,7 +194,12 @@ impl SceneError {
 
     /// The error for a value at `field` that serde refused. The function splits serde's message into its parts, so
     /// that all errors have the same form and quote the text of the file.
-    pub(super) fn refused(source: &Source, field: &str, error: &toml::de::Error) -> Self {
+    pub(super) fn refused(
+        source: &Source,
+        field: &str,
+        error: &toml::de::Error,
+        format: advice::Format,
+    ) -> Self {
         let field = if field == "." { "" } else { field };
         let span = error.span();
         let location = match &span {
@@ -190,7 +216,7 @@ impl SceneError {
             };
         }
         if before.starts_with("unknown field ") {
-            let allowed = format!("{allowed}{}", advice::of_field(field, &allowed));
+            let allowed = format!("{allowed}{}", advice::of_field(field, &allowed, format));
             return Self::Unknown { location, allowed };
         }
         let allowed = if before.ends_with("overflowed") {

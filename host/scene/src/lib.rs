@@ -19,6 +19,7 @@ mod overrides;
 pub mod plausible;
 pub mod poses;
 pub mod recording;
+pub mod settings;
 mod silent;
 pub mod source;
 pub mod spec;

@@ -1,5 +1,6 @@
 //! Loads a scene: from its file to a checked scene with the files that the scene names.
 
+use super::advice;
 use super::consistency;
 use super::contact;
 use super::error::SceneError;
@@ -178,8 +179,14 @@ impl Scene {
 fn parse(source: &Source) -> Result<Scene, SceneError> {
     let document = toml::Deserializer::parse(&source.text)
         .map_err(|error| SceneError::syntax(source, &error))?;
-    let mut scene: Scene = serde_path_to_error::deserialize(document)
-        .map_err(|error| SceneError::refused(source, &error.path().to_string(), error.inner()))?;
+    let mut scene: Scene = serde_path_to_error::deserialize(document).map_err(|error| {
+        SceneError::refused(
+            source,
+            &error.path().to_string(),
+            error.inner(),
+            advice::SCENE,
+        )
+    })?;
     let tools: Vec<_> = scene.tools.iter().map(Tool::obstacle).collect();
     scene.obstacles.extend(tools);
     consistency::check(&scene)

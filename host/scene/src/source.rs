@@ -18,6 +18,8 @@ pub struct Source {
     pub text: String,
     /// The content of the file itself, if there are overrides. Messages name its lines.
     file: Option<String>,
+    /// Whether messages name the column, too.
+    columns: bool,
 }
 
 impl Source {
@@ -27,6 +29,15 @@ impl Source {
             name: name.into(),
             text: text.into(),
             file: None,
+            columns: false,
+        }
+    }
+
+    /// The same file, whose messages name the column, too.
+    pub(super) fn with_columns(self) -> Self {
+        Self {
+            columns: true,
+            ..self
         }
     }
 
@@ -37,6 +48,7 @@ impl Source {
             name: self.name.clone(),
             text,
             file: Some(file.clone()),
+            columns: self.columns,
         }
     }
 
@@ -104,9 +116,12 @@ impl Source {
 
     fn location_in(&self, text: &str, field: &str, byte: usize) -> SourceLocation {
         let before = &text.as_bytes()[..byte.min(text.len())];
+        let line = before.rsplit(|&b| b == b'\n').next().unwrap_or_default();
+        let column = 1 + String::from_utf8_lossy(line).chars().count();
         SourceLocation {
             file: self.name.clone(),
             line: before.split(|&b| b == b'\n').count(),
+            column: self.columns.then_some(column),
             field: cut(field, 2 * QUOTED),
         }
     }

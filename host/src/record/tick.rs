@@ -8,13 +8,13 @@ use super::field::{Cells, Each, Leaf, Record, Visitor, fields, name, record};
 use super::kind::{Stamp, kind};
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::HostState;
-use rt_core::record::{BodyTelemetry, DeviceTelemetry, ToolTelemetry};
+use rt_core::record::{BodyTelemetry, DeviceTelemetry, Stamps, ToolTelemetry};
 use rt_core::safety::SafetyState;
 use rt_core::{
     Corruption, DeviceError, DeviceState, EnergyAccount, MAX_DEVICES, Pose, Reading, Rendering,
     Telemetry, Vec3, Withheld,
 };
-use std::fmt;
+use std::{fmt, iter};
 
 /// One tick, read back from a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +42,9 @@ pub struct TickRow {
     pub turn: Vec<f64>,
     /// For each tool how far it has gone from where the host made its patch, and how far beyond the tool the patch has the surface (m).
     pub way: Vec<f64>,
+    /// The stamps of the tick (ns, `rt_core::record::Stamps`): when it began, then by device when the device had been read, when
+    /// it had been given its wrench, and its motion to force. Empty if no clock ran.
+    pub stamps: Vec<u64>,
 }
 
 /// See [`TickRow::touch`].
@@ -65,6 +68,7 @@ impl From<&Telemetry> for TickRow {
             way: (telemetry.tools())
                 .flat_map(|tool| [tool.way, tool.reach])
                 .collect(),
+            stamps: stamps(telemetry),
         }
     }
 }
@@ -159,6 +163,18 @@ fn touch(tool: &ToolTelemetry) -> [f64; TOUCH] {
 fn turn(tool: &ToolTelemetry) -> [f64; TURN] {
     let (rotation, [x, y, z]) = (tool.proxy.rotation, tool.wrench.moment.into());
     [rotation.w, rotation.i, rotation.j, rotation.k, x, y, z]
+}
+
+/// The stamps of a tick as a log keeps them.
+fn stamps(telemetry: &Telemetry) -> Vec<u64> {
+    let stamps = &telemetry.stamps;
+    if *stamps == Stamps::default() {
+        return Vec::new();
+    }
+    let devices = usize::from(telemetry.device_count);
+    let each = [stamps.read_ns, stamps.written_ns, stamps.motion_to_force_ns];
+    let each = each.iter().flat_map(|times| times.iter().take(devices));
+    iter::once(&stamps.began_ns).chain(each).copied().collect()
 }
 
 /// The record of a body as a log keeps it.
@@ -285,6 +301,7 @@ kind! { TickRow: "palpate_msgs/msg/Tick", Run, |_| "/tick".to_owned();
             + size_of_val(self.touch.as_slice())
             + size_of_val(self.turn.as_slice())
             + size_of_val(self.way.as_slice())
+            + size_of_val(self.stamps.as_slice())
     }
 }
 
@@ -301,6 +318,7 @@ record! { TickRow: (&Telemetry::empty()).into();
     "float64[] touch     # optional: by tool: device, contacts, place (x, y, z), force on the tool (x, y, z)" touch: late;
     "float64[] turn      # optional: by tool: rotation (w, x, y, z), moment on the tool about its place (x, y, z)" turn: late;
     "float64[] way       # optional: by tool: way since its patch was made (m), distance up to which the patch has the surface (m)" way: late;
+    "uint64[] stamps     # optional, ns: since it woke: models taken, each device read, each commanded; then motion to force of each" stamps: late;
 }
 
 impl TickRow {
@@ -309,6 +327,7 @@ impl TickRow {
         Self {
             lateness_ns: 0,
             took_ns: 0,
+            stamps: Vec::new(),
             readings: Vec::new(),
             ..self.clone()
         }

@@ -7,12 +7,15 @@ use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::Reading;
 use rt_core::{Capabilities, Vec3};
+use runner::schedule::DEVICE_PRIORITY;
+use runner::{Confined, ThreadPlace};
 use sim::protocol::Protocol;
 use sim::{Hand, Held};
 use std::sync::mpsc::Sender;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`), and emulated
-/// devices only in virtual time. Also returns what the drivers tell, one sentence each.
+/// devices only in virtual time. The threads of the devices run as `threads` says. Also returns what the drivers tell, one
+/// sentence each.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be opened.
@@ -20,10 +23,20 @@ pub(super) fn open(
     world: &World<'_>,
     seed: u64,
     real: bool,
+    threads: &ThreadPlace,
 ) -> Result<(Vec<AnyDevice>, Vec<String>), SceneError> {
     let loaded = world.loaded;
     let registry = registry(world, seed)?;
     let mut told = Vec::new();
+    // The threads of the devices inherit the cores of this thread.
+    let confined = (!threads.cores.is_empty()).then(|| Confined::to(&threads.cores));
+    let _confined = match confined.transpose() {
+        Ok(confined) => confined,
+        Err(degradation) => {
+            told.push(degradation.to_string());
+            None
+        }
+    };
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
         let driver = registry.driver(&spec.connect.driver);
@@ -48,7 +61,7 @@ pub(super) fn open(
         }
         accepted(loaded, &registry, index)?;
         let notes = Notes::default();
-        let device = open_one(loaded, &registry, index, &notes)?;
+        let device = open_one(loaded, &registry, index, threads.priority, &notes)?;
         let notes = notes.into_vec().into_iter();
         told.extend(notes.map(|note| format!("device {:?}: {note}", spec.name)));
         Ok(device)
@@ -68,7 +81,7 @@ pub(super) fn check(world: &World<'_>) -> Result<(), SceneError> {
         accepted(loaded, &registry, index)?;
         let driver = registry.driver(&spec.connect.driver);
         if driver.is_none_or(|driver| driver.kind() != Kind::Real) {
-            open_one(loaded, &registry, index, &Notes::default())?;
+            open_one(loaded, &registry, index, DEVICE_PRIORITY, &Notes::default())?;
         }
     }
     Ok(())
@@ -86,11 +99,12 @@ fn accepted(loaded: &LoadedScene, registry: &Registry, index: usize) -> Result<(
     }
 }
 
-/// Opens a device with the driver that it names. The driver adds its notes to `notes`.
+/// Opens a device with the driver that it names. The thread of the device takes `priority`. The driver adds its notes to `notes`.
 fn open_one(
     loaded: &LoadedScene,
     registry: &Registry,
     index: usize,
+    priority: u8,
     notes: &Notes,
 ) -> Result<AnyDevice, SceneError> {
     let spec = &loaded.scene.devices[index];
@@ -99,6 +113,7 @@ fn open_one(
         address: &spec.connect.address,
         firmware: firmware.as_deref(),
         notes: Some(notes),
+        priority,
         ..request(loaded, index)
     };
     let device = registry.open(&spec.connect.driver, &request);

@@ -56,7 +56,7 @@ use physics::{Body, FactorCode};
 use prepare::{Options, Prepared};
 use runner::RunnerConfig;
 use runner::thread::{SpawnError, Stop, TickPanic};
-use runner::{AnyDevice, CoreChoice, Cores, Reserved};
+use runner::{AnyDevice, CoreChoice, Cores, Reserved, ThreadPlace};
 use slow_host::StepTime;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -103,6 +103,10 @@ pub struct RunOptions {
     pub instructions: FactorCode,
     /// How the tick's thread runs under the real clock.
     pub runner: RunnerConfig,
+    /// Whether the other threads of the program leave the siblings of the tick's core alone, too.
+    pub idle_sibling: bool,
+    /// Where the threads of the devices run.
+    pub device_threads: ThreadPlace,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
     /// The operator's panel, which arms and stops the devices, and lets simulated hands take hold.
@@ -133,6 +137,8 @@ impl RunOptions {
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
+            idle_sibling: true,
+            device_threads: ThreadPlace::default(),
             faults: Vec::new(),
             panel: Panel::default(),
             orders: Vec::new(),
@@ -243,7 +249,7 @@ pub fn run_watched(
         Clock::Real => options.runner.core,
         Clock::Virtual => CoreChoice::Anywhere,
     };
-    let reserved = Reserved::new(core, &Cores::of_this_machine());
+    let reserved = Reserved::new(core, options.idle_sibling, &Cores::of_this_machine());
     let mut preparing = |preparation| {
         progress(Progress {
             preparation: Some(preparation),
@@ -369,6 +375,7 @@ fn prepare(
         code: options.instructions,
         real: options.clock == Clock::Real,
         faults: options.faults.clone(),
+        threads: options.device_threads.clone(),
     };
     let mut prepared = Prepared::told(world, &session, preparing)?;
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();

@@ -1,11 +1,12 @@
 //! The observers of a run. Each observer receives every record.
 //!
 //! The summary and the log are observers. The caller of a run may add others ([`super::run_watched`]). Under the real
-//! clock the observers work on the log's thread, fifty times a second. The tick does not depend on them.
+//! clock the observers work on the log's thread, a hundred times a second. The tick does not depend on them.
 
 use super::collect::Collected;
 use super::contacts::ContactSteps;
 use crate::record::ContactStep;
+use runner::kernel::KernelWindow;
 use runner::link::LogRecord;
 use std::path::PathBuf;
 
@@ -29,6 +30,10 @@ pub trait Observer: Send {
 
     /// Takes the contacts of a host step, before the first tick that follows the step.
     fn touched(&mut self, _step: &mut ContactStep) {}
+
+    /// Takes what the kernel counted for the tick's thread in a window of the run, after every tick that ended in the window.
+    /// Only a run under the real clock has such counts.
+    fn counted(&mut self, _window: &KernelWindow) {}
 
     /// Called after the records that waited have been taken, and many times a second while none comes.
     fn drained(&mut self) {}
@@ -90,6 +95,13 @@ impl Observers {
     pub(super) fn touched(&mut self, step: &mut ContactStep) {
         for observer in &mut self.list {
             observer.touched(step);
+        }
+    }
+
+    /// Gives every observer a window of the kernel's counts.
+    pub(super) fn counted(&mut self, window: &KernelWindow) {
+        for observer in &mut self.list {
+            observer.counted(window);
         }
     }
 

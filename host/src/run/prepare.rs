@@ -23,12 +23,13 @@ use rt_core::engage::EngageConfig;
 use rt_core::heat::HeatConfig;
 use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
+use rt_core::square_wave::SquareWave;
 use rt_core::tool::{ToolConfig, ToolCouplingConfig};
 use rt_core::{
     Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Vec3,
 };
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
-use runner::{AnyDevice, TickLoop};
+use runner::{AnyDevice, ThreadPlace, TickLoop};
 use sim::DeviceModel;
 
 /// Number of its own periods for which a device may stay silent before its force is removed.
@@ -64,6 +65,8 @@ pub struct Options {
     pub real: bool,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
+    /// Where the threads of the devices run.
+    pub threads: ThreadPlace,
 }
 
 impl Options {
@@ -75,6 +78,7 @@ impl Options {
             code: FactorCode::default(),
             real: false,
             faults: Vec::new(),
+            threads: ThreadPlace::default(),
         }
     }
 
@@ -150,7 +154,7 @@ impl Prepared {
         let bodies = build::bodies(world, how)?;
         let contact = Contact::new(world, &bodies)?;
         let engine = Engine::new(bodies).touching(contact).on(scene.host.threads);
-        let (devices, told) = devices::open(world, options.seed, options.real)?;
+        let (devices, told) = devices::open(world, options.seed, options.real, &options.threads)?;
         let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;
         Ok(Self {
@@ -217,7 +221,7 @@ pub fn controls(
     world: &World<'_>,
     seed: u64,
 ) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
-    let (devices, _) = devices::open(world, seed, false)?;
+    let (devices, _) = devices::open(world, seed, false, &ThreadPlace::default())?;
     Ok((controller(world, &devices)?, devices))
 }
 
@@ -253,6 +257,10 @@ fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConf
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
+        config.square_waves[index] = spec.square_wave.map(|wave| SquareWave {
+            force: wave.force.into(),
+            half_period_ns: (wave.half_period * 1e9).round() as u64,
+        });
     }
     // The couplings of the bodies that a device holds damp it together as the scene says.
     let mut hold_damping = [0.0; MAX_DEVICES];

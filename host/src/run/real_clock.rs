@@ -1,7 +1,7 @@
 //! A run under the real clock: the tick, the host and the log each on a thread of its own.
 //!
 //! The tick's thread is that of `runner`. The host's thread steps when a step is due, or at once when it is late. The
-//! log's thread empties its ring fifty times a second, and sixty times if viewers can watch the run. If
+//! log's thread empties its ring a hundred times a second, and reads what the kernel counted for the tick's thread. If
 //! the host panics, the tick continues: its force fades, and the summary reports the panic.
 
 use super::ended::{Ended, HostSide};
@@ -14,6 +14,7 @@ use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
+use runner::kernel::KernelWindows;
 use runner::link::{HostEnd, LogEnd};
 use runner::{RunnerConfig, Stop, spawn};
 use std::any::Any;
@@ -23,9 +24,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Period at which the log's ring is emptied.
-const LOG_PERIOD: Duration = Duration::from_millis(20);
-/// The same for a run that viewers can watch: a sixtieth of a second.
-const VIEW_PERIOD: Duration = Duration::from_micros(16_667);
+const LOG_PERIOD: Duration = Duration::from_millis(10);
 /// Period at which progress is reported.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time that the host sleeps before it checks whether the run is over.
@@ -72,12 +71,7 @@ pub(super) fn run(
         // Set once, here.
         let _ = view.tick_time.set(thread.tick_time());
     }
-    let log_period = if view.is_some() {
-        VIEW_PERIOD
-    } else {
-        LOG_PERIOD
-    };
-
+    let kernel = KernelWindows::of(&thread);
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
@@ -96,7 +90,7 @@ pub(super) fn run(
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || {
-        log_loop(log, observers, log_period, &log_over)
+        log_loop(log, observers, kernel, &log_over)
     })?;
 
     while !thread.is_finished() {
@@ -201,15 +195,25 @@ impl Hosting {
     }
 }
 
-fn log_loop(mut log: LogEnd, mut observers: Observers, period: Duration, over: &Stop) -> Observers {
+fn log_loop(
+    mut log: LogEnd,
+    mut observers: Observers,
+    mut kernel: Option<KernelWindows>,
+    over: &Stop,
+) -> Observers {
     loop {
-        // The flag is read before the ring is drained: a record pushed before the end of the run is still drained.
+        // The flag is read before the ring is drained: a record pushed before the end of the run is still drained. So are
+        // the ticks of the window.
         let last = over.is_requested();
+        let window = kernel.as_mut().and_then(KernelWindows::window);
         log.records(|record| observers.take(record));
+        if let Some(window) = window {
+            observers.counted(&window);
+        }
         if last {
             return observers;
         }
         observers.drained();
-        std::thread::sleep(period);
+        std::thread::sleep(LOG_PERIOD);
     }
 }

@@ -90,6 +90,7 @@ fn tick(scene: &Scene, clock: Clock, ended: &Ended, couplings: &[CouplingCounter
         }),
         lateness: measured(&side.latencies.lateness),
         duration: measured(&side.latencies.tick_time),
+        compute: measured(&side.latencies.compute),
         model_age: side
             .latencies
             .model_age

@@ -93,6 +93,8 @@ pub struct TickSummary {
     pub lateness: Option<Distribution>,
     /// Computing time of a tick; `None` under virtual time.
     pub duration: Option<Distribution>,
+    /// The part of it from the last read to just before the first write; `None` under virtual time.
+    pub compute: Option<Distribution>,
     /// Age of the local model in use, by body.
     pub model_age: Vec<Distribution>,
     /// Locked memory (bytes).

@@ -29,6 +29,7 @@ pub mod elsewhere;
 mod error;
 pub mod extrapolation;
 mod hands;
+pub mod latency;
 mod level;
 pub mod probe;
 mod results;

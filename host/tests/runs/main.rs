@@ -32,6 +32,7 @@ mod sessions;
 mod slips;
 mod slow_host;
 mod solvers;
+mod square_wave;
 mod stiff;
 mod summary;
 mod threads;

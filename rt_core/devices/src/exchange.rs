@@ -116,7 +116,7 @@ pub struct Exchanged {
 
 impl Exchanged {
     /// Starts the thread of a device that is open, for a loop of `period` (s). `capabilities` are the capabilities of the
-    /// device.
+    /// device, and `priority` is that of the thread under SCHED_FIFO (1 to 99).
     ///
     /// # Errors
     /// The error of the system, if it gave no thread.
@@ -124,10 +124,11 @@ impl Exchanged {
         exchange: impl Exchange + 'static,
         capabilities: Capabilities,
         period: f64,
+        priority: u8,
     ) -> std::io::Result<Self> {
         let (wrenches, commands, _) = prefaulted(SLOTS, Handed::default());
         let (results, replies, _) = prefaulted(SLOTS, Reply::default());
-        let thread = thread::start(exchange, commands, results, let_go_after(period))?;
+        let thread = thread::start(exchange, commands, results, let_go_after(period), priority)?;
         Ok(Self {
             wrenches: Some(wrenches),
             replies,

@@ -37,6 +37,7 @@ use firmware_proto::host::release;
 use firmware_proto::report::{FirmwareVersion, Model};
 use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use runner::schedule::DEVICE_PRIORITY;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use writer::{Open, Write, Writer};
@@ -163,8 +164,8 @@ fn answer(
 
 impl HidDevice {
     /// Opens the one device that `selector` names. `capabilities` are those of its profile, and `watchdog_us` is
-    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]). Waits for the answer of
-    /// the device, for a second at most.
+    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]). The thread that writes
+    /// takes `priority` under SCHED_FIFO. Waits for the answer of the device, for a second at most.
     ///
     /// # Errors
     /// [`HidError`], which names the device and the checks that the user can make.
@@ -172,13 +173,21 @@ impl HidDevice {
         selector: &HidSelector,
         capabilities: Capabilities,
         watchdog_us: u32,
+        priority: u8,
     ) -> Result<Self, HidError> {
         let mut first = ends(selector)?;
         let model = answer(&mut first, &capabilities, watchdog_us)?;
         let again = selector.clone();
         // The thread needs a number only.
         let open = move || ends(&again).map_err(|_| NO_DEVICE);
-        let device = Self::start(first, Box::new(open), capabilities, watchdog_us, model);
+        let device = Self::start(
+            first,
+            Box::new(open),
+            capabilities,
+            watchdog_us,
+            model,
+            priority,
+        );
         device.map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
@@ -213,6 +222,7 @@ impl HidDevice {
             capabilities,
             0,
             None,
+            DEVICE_PRIORITY,
         )
     }
 
@@ -225,7 +235,14 @@ impl HidDevice {
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
         let first = open().map_err(std::io::Error::from_raw_os_error)?;
-        Self::start(first, Box::new(open), capabilities, 0, None)
+        Self::start(
+            first,
+            Box::new(open),
+            capabilities,
+            0,
+            None,
+            DEVICE_PRIORITY,
+        )
     }
 
     /// Starts the thread of a device that is open, and which has stated this model if it has been greeted before.
@@ -235,6 +252,7 @@ impl HidDevice {
         capabilities: Capabilities,
         watchdog_us: u32,
         model: Option<Model>,
+        priority: u8,
     ) -> std::io::Result<Self> {
         let session = session();
         let name = model.map(|model| Name(model.name));
@@ -244,7 +262,7 @@ impl HidDevice {
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
             read: Some(read),
-            writer: Writer::start(write, let_go, open)?,
+            writer: Writer::start(write, let_go, open, priority)?,
             end,
             firmware: model.map(|model| model.firmware),
         })

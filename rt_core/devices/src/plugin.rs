@@ -82,7 +82,7 @@ impl Plugins {
             source,
             allowed: "a plug-in whose device can be opened",
         };
-        let started = Process::start(&self.program, &path, address);
+        let started = Process::start(&self.program, &path, address, request.priority);
         let (process, name, found) = started.map_err(|error| refused(error.into()))?;
         let Some(capabilities) = capabilities(&found) else {
             let found = format!("{found:?}");
@@ -99,12 +99,13 @@ impl Plugins {
             program: self.program.clone(),
             path,
             address: address.to_owned(),
+            priority: request.priority,
             process: Some(process),
             name: stated.name,
             limits,
             told: false,
         };
-        let device = Exchanged::start(plugin, limits, request.period);
+        let device = Exchanged::start(plugin, limits, request.period, request.priority);
         device.map_err(|error| refused(PluginOpenError::Thread(error).into()))
     }
 }
@@ -163,6 +164,8 @@ struct PluginDevice {
     program: PathBuf,
     path: PathBuf,
     address: String,
+    /// Priority of the process.
+    priority: u8,
     /// `None` while the device is lost.
     process: Option<Process>,
     /// The name that the plug-in gave its device first.
@@ -222,7 +225,7 @@ impl Exchange for PluginDevice {
         // A device is closed before it is opened again.
         self.process = None;
         let gone = DeviceError::Disconnected(NO_DEVICE);
-        let started = Process::start(&self.program, &self.path, &self.address);
+        let started = Process::start(&self.program, &self.path, &self.address, self.priority);
         let (process, name, found) = started.map_err(|_| gone)?;
         let stated = Stated::new(&name, &capabilities(&found).ok_or(gone)?);
         // The device must be the same, and as strong as before.

@@ -10,6 +10,7 @@ use crate::stated::{Mismatch, Name, Stated};
 use firmware_proto::report::FirmwareVersion;
 use rt_core::Capabilities;
 use runner::AnyDevice;
+use runner::schedule::DEVICE_PRIORITY;
 use std::cell::RefCell;
 use std::error::Error;
 use std::fmt;
@@ -110,6 +111,8 @@ pub struct Request<'a> {
     pub name: &'a str,
     /// Period of the tick (s).
     pub period: f64,
+    /// Priority of the device's thread under SCHED_FIFO (1 to 99), if it has one.
+    pub priority: u8,
     /// The address of the device, which only the driver reads; empty if the scene gives none.
     pub address: &'a str,
     /// The firmware that the scene names for the device.
@@ -330,6 +333,7 @@ impl<'a> Request<'a> {
             model,
             name: "",
             period: 1e-3,
+            priority: DEVICE_PRIORITY,
             address,
             firmware: None,
             notes: None,

@@ -406,6 +406,7 @@ fn the_process_of_a_plug_in_ends_with_its_run() {
         .arg("serve-plug-in")
         .arg(library)
         .arg("")
+        .arg("45")
         .stdin(OwnedFd::from(far))
         .stdout(std::process::Stdio::piped())
         .spawn()

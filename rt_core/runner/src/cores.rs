@@ -5,6 +5,9 @@
 //! `/sys/devices/system/cpu/online` and `isolated`. The format is that of the kernel's documentation
 //! (`Documentation/admin-guide/cputopology.rst`): numbers and ranges, separated by commas, such as `0-3,6`.
 //!
+//! `topology/thread_siblings_list` of each core names the **siblings**: the hardware threads of one physical core, which
+//! share its pipelines and caches. A busy sibling slows the tick down.
+//!
 //! The choice is a pure function of the two lists and the mask. `schedule` asks the system for the chosen core.
 
 use std::fmt::Write as _;
@@ -103,11 +106,7 @@ pub fn list(cores: &[usize]) -> String {
 
 /// Error for the number of a core that the machine does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "found core {found}, allowed: an online core ({}), {}",
-    list(online),
-    isolated_too(isolated)
-)]
+#[error("found core {found}, allowed: {}", self.allowed())]
 pub struct NoSuchCore {
     /// The number asked for.
     pub found: usize,
@@ -117,11 +116,15 @@ pub struct NoSuchCore {
     pub isolated: Vec<usize>,
 }
 
-fn isolated_too(isolated: &[usize]) -> String {
-    if isolated.is_empty() {
-        "none of them isolated".into()
-    } else {
-        format!("preferably an isolated one ({})", list(isolated))
+impl NoSuchCore {
+    /// The numbers that the machine has, in words.
+    pub fn allowed(&self) -> String {
+        let isolated = if self.isolated.is_empty() {
+            "none of them isolated".into()
+        } else {
+            format!("preferably an isolated one ({})", list(&self.isolated))
+        };
+        format!("an online core ({}), {isolated}", list(&self.online))
     }
 }
 
@@ -132,6 +135,8 @@ pub struct Cores {
     pub online: Vec<usize>,
     /// The online cores that the kernel isolates.
     pub isolated: Vec<usize>,
+    /// The cores that are siblings of each other, a list for each physical core with several.
+    siblings: Vec<Vec<usize>>,
 }
 
 impl Cores {
@@ -148,13 +153,38 @@ impl Cores {
         };
         let online = read("online").unwrap_or_default();
         let isolated = read("isolated").unwrap_or_default();
-        Self::new(online, isolated)
+        let siblings = online.iter();
+        let siblings =
+            siblings.filter_map(|core| read(&format!("cpu{core}/topology/thread_siblings_list")));
+        let mut siblings: Vec<_> = siblings.filter(|cores| cores.len() > 1).collect();
+        siblings.sort();
+        siblings.dedup();
+        Self {
+            siblings,
+            ..Self::new(online, isolated)
+        }
     }
 
-    /// A machine with the cores `online`, of which the kernel isolates those in `isolated`.
+    /// A machine with the cores `online`, of which the kernel isolates those in `isolated`. No core has a sibling.
     pub fn new(online: Vec<usize>, mut isolated: Vec<usize>) -> Self {
         isolated.retain(|core| online.contains(core));
-        Self { online, isolated }
+        Self {
+            online,
+            isolated,
+            siblings: Vec::new(),
+        }
+    }
+
+    /// The same machine, in which the cores of each list are siblings of each other.
+    #[cfg(test)]
+    pub(crate) fn with_siblings(self, siblings: Vec<Vec<usize>>) -> Self {
+        Self { siblings, ..self }
+    }
+
+    /// The other hardware threads of the physical core that has `core`.
+    pub fn siblings(&self, core: usize) -> impl Iterator<Item = usize> {
+        let with = self.siblings.iter().filter(move |all| all.contains(&core));
+        with.flatten().copied().filter(move |other| *other != core)
     }
 
     /// Whether the kernel isolates `core`.
@@ -263,7 +293,31 @@ mod tests {
             text.map_or_else(|_| Vec::new(), |text| parse_list(&text).expect("a list"))
         };
         let machine = Cores::of_this_machine();
-        assert_eq!(machine, Cores::new(listed("online"), listed("isolated")));
+        let expected = Cores::new(listed("online"), listed("isolated"));
+        assert_eq!(
+            (machine.online, machine.isolated),
+            (expected.online, expected.isolated)
+        );
+    }
+
+    #[test]
+    fn the_siblings_of_a_core_are_the_other_threads_of_its_physical_core() {
+        let root = tempfile::tempdir().expect("a folder");
+        let cpu = root.path().join("sys/devices/system/cpu");
+        let write = |name: &str, text: &str| {
+            let path = cpu.join(name);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("ours");
+            std::fs::write(path, text).expect("ours");
+        };
+        write("online", "0-4\n");
+        for (core, list) in [(0, "0,2"), (1, "1,3"), (2, "0,2"), (3, "1,3"), (4, "4")] {
+            let name = format!("cpu{core}/topology/thread_siblings_list");
+            write(&name, &format!("{list}\n"));
+        }
+        let cores = Cores::below(root.path());
+        for (core, siblings) in [(0, vec![2]), (3, vec![1]), (4, vec![]), (9, vec![])] {
+            assert_eq!(cores.siblings(core).collect::<Vec<_>>(), siblings, "{core}");
+        }
     }
 
     #[test]

@@ -167,6 +167,8 @@ pub struct Latencies {
     /// Duration of each tick, from waking to the last write (ns). Only [`crate::thread`] measures it, and gives it at the
     /// end of the run.
     pub tick_time: LatencyHistogram,
+    /// Time in which the wrenches were computed: from the last read to just before the first write. Empty under virtual time.
+    pub compute: LatencyHistogram,
     /// Age of the local model in use at each tick (ns), by body. Empty before the first model.
     pub model_age: Vec<LatencyHistogram>,
     /// Times of the devices, in the controller's order. Empty unless [`crate::thread`] measures them.
@@ -214,6 +216,7 @@ impl Latencies {
     pub fn new(bodies: usize) -> Self {
         Self {
             lateness: LatencyHistogram::new(Self::TICK_BOUND_NS),
+            compute: LatencyHistogram::new(Self::TICK_BOUND_NS),
             tick_time: LatencyHistogram::new(Self::TICK_BOUND_NS),
             model_age: (0..bodies)
                 .map(|_| LatencyHistogram::new(Self::AGE_BOUND_NS))

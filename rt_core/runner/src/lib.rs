@@ -21,6 +21,7 @@
 pub mod clock;
 pub mod cores;
 pub mod degradation;
+pub mod kernel;
 pub mod latency;
 pub mod link;
 pub mod memory;
@@ -43,7 +44,7 @@ pub use cores::{CoreChoice, Cores};
 pub use degradation::Degradation;
 pub use latency::{Latencies, LatencyHistogram, LatencyReader, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
-pub use reserve::Reserved;
+pub use reserve::{Confined, Reserved, ThreadPlace};
 pub use seccomp::CallPolicy;
 pub use setup::RunnerConfig;
 pub use thread::{STACK, Stop, TickReport, TickThread, spawn};

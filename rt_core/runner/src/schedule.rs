@@ -6,9 +6,9 @@
 use crate::cores::{self, CoreChoice, Cores};
 use crate::degradation::Degradation;
 use core_affinity::CoreId;
-use rustix::thread::{CapabilitySet, capabilities};
+use rustix::thread::{CapabilitySet, CpuSet, Pid, capabilities, sched_setaffinity};
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{self, Write};
 use std::num::NonZeroU64;
 use std::path::Path;
 use thread_priority::{
@@ -19,6 +19,9 @@ use thread_priority::{
 /// Default priority of the tick under SCHED_FIFO: above threaded interrupts (50), below the kernel's own watchdogs
 /// (99).
 pub const DEFAULT_PRIORITY: u8 = 80;
+
+/// Default priority of a device's thread under SCHED_FIFO: above ordinary threads, below threaded interrupts (50).
+pub const DEVICE_PRIORITY: u8 = 45;
 
 /// File through which the kernel takes a limit of the wake-up latency (us, as 32 bits). The limit holds while the file
 /// is open.
@@ -70,7 +73,7 @@ pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degrada
 }
 
 /// The cores that the calling thread may use, ascending.
-fn mask() -> Vec<usize> {
+pub fn mask() -> Vec<usize> {
     let cores = core_affinity::get_core_ids().unwrap_or_default();
     cores.iter().map(|core| core.id).collect()
 }
@@ -78,6 +81,18 @@ fn mask() -> Vec<usize> {
 /// Asks for `core` alone. Returns whether the system agreed.
 fn try_core(core: usize) -> bool {
     core < MOST_CORES && core_affinity::set_for_current(CoreId { id: core })
+}
+
+/// Moves a thread of this process to `cores`.
+///
+/// # Errors
+/// The system refuses.
+pub fn move_thread(thread: i32, cores: &[usize]) -> io::Result<()> {
+    let mut set = CpuSet::new();
+    for &core in cores.iter().filter(|core| **core < CpuSet::MAX_CPU) {
+        set.set(core);
+    }
+    Ok(sched_setaffinity(Pid::from_raw(thread), &set)?)
 }
 
 fn not_pinned(reason: String) -> Degradation {
@@ -114,7 +129,7 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
                 .map_err(|error| match error {
                     // The system names its errors; the library has only their numbers.
                     thread_priority::Error::OS(number) => {
-                        std::io::Error::from_raw_os_error(number).to_string()
+                        io::Error::from_raw_os_error(number).to_string()
                     }
                     error => error.to_string(),
                 })
@@ -231,7 +246,7 @@ impl KeepAwake {
         };
         ask()
             .map(|request| Self { _request: request })
-            .map_err(|error: std::io::Error| Degradation {
+            .map_err(|error: io::Error| Degradation {
                 missing: "the processor may sleep between ticks".into(),
                 reason: format!("{}: {error}", path.display()),
                 cost: COST_OF_SLEEP,

@@ -7,6 +7,7 @@ use crate::memory::{LockedMemory, MemoryRange, STACK_AHEAD, touch_stack};
 use crate::schedule::{DEFAULT_PRIORITY, KeepAwake, WAKE_LATENCY, pin, realtime, sharpen_timers};
 use crate::seccomp::CallPolicy;
 use crate::tick_loop::TickLoop;
+use rustix::thread::gettid;
 use std::path::Path;
 
 /// The cost of memory that is not locked.
@@ -63,6 +64,10 @@ pub(crate) struct Granted {
     pub(crate) locked_bytes: usize,
     /// Whether the processor is kept out of its deeper sleep states.
     pub(crate) kept_awake: bool,
+    /// The number of the thread.
+    pub(crate) thread: i32,
+    /// The first deadline (ns, the monotonic clock).
+    pub(crate) first_deadline_ns: u64,
 }
 
 /// Makes all the requests of `config`, from the thread that will tick. The returned request and the locked memory must
@@ -72,7 +77,10 @@ pub(crate) fn set_up(
     tick_loop: &TickLoop,
     locked: &mut LockedMemory,
 ) -> (Granted, Option<KeepAwake>) {
-    let mut granted = Granted::default();
+    let mut granted = Granted {
+        thread: gettid().as_raw_nonzero().get(),
+        ..Granted::default()
+    };
     sharpen_timers();
     // The first reading of the clock finds the code that reads the clock without the kernel.
     now_ns();

@@ -273,6 +273,16 @@ impl TickThread {
         self.granted.core
     }
 
+    /// The number of the thread, for the system.
+    pub fn number(&self) -> i32 {
+        self.granted.thread
+    }
+
+    /// The first deadline (ns, the monotonic clock). The times of the ticks count from there.
+    pub fn first_deadline_ns(&self) -> u64 {
+        self.granted.first_deadline_ns
+    }
+
     /// Size of the memory that is locked for the loop (bytes).
     pub fn locked_bytes(&self) -> usize {
         self.granted.locked_bytes

@@ -5,10 +5,10 @@
 //!
 //! [`TickLoop::tick`] is the hot path: no allocation, no lock, and no system call except those of the devices.
 
-use crate::clock;
 use crate::latency::{DeviceTimes, Latencies};
 use crate::link::TickEnd;
-use rt_core::{Controller, Device, Stage, Telemetry, TickTime, Wrench, cycle_watched};
+use rt_core::record::Stamps;
+use rt_core::{Controller, Device, Telemetry, TickTime, Wrench, cycle_timed};
 
 /// A device of any kind, as the loop holds it.
 pub type AnyDevice = Box<dyn Device + Send>;
@@ -79,8 +79,8 @@ impl TickLoop {
     }
 
     /// Runs one tick: takes the newest local models and patches, reads the devices, computes and writes the wrenches, and sends the
-    /// record to host and log. `took` is called just before the wrenches are written and returns the time since the tick
-    /// woke (ns). In the record, `tick` is the number of earlier ticks.
+    /// record to host and log. `took` returns the time since the tick woke (ns), and stamps the record. In the record, `tick`
+    /// is the number of earlier ticks.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn timed(&mut self, time: TickTime, took: impl Fn() -> u64) -> Telemetry {
         #[cfg(feature = "mutations")]
@@ -93,22 +93,8 @@ impl TickLoop {
         self.end.take_patches(|device, patch| {
             let _ = controller.accept_patch(device, patch);
         });
-        let times = &mut self.latencies.devices;
-        let mut last = 0;
-        let (telemetry, refused) = cycle_watched(controller, &mut self.devices, time, |stage| {
-            if !times.is_empty() {
-                measure(times, &mut last, stage, clock::now_ns());
-            }
-            match stage {
-                Stage::Computed => took(),
-                _ => 0,
-            }
-        });
-        for (times, device) in times.iter_mut().zip(&self.devices) {
-            if let Some(ns) = device.motion_to_force_ns() {
-                times.motion_to_force.record(ns);
-            }
-        }
+        let (telemetry, refused) = cycle_timed(controller, &mut self.devices, time, took);
+        measure(&mut self.latencies, &telemetry);
         self.end.push(&telemetry);
         self.latencies.lateness.record(telemetry.lateness_ns);
         for (age, body) in self.latencies.model_age.iter_mut().zip(telemetry.bodies()) {
@@ -133,22 +119,29 @@ impl TickLoop {
     }
 }
 
-/// Records the duration of a stage of the tick. The stage ended at `now_ns`; `last_ns` is the end of the stage before.
-fn measure(times: &mut [DeviceTimes], last_ns: &mut u64, stage: Stage, now_ns: u64) {
-    let took = now_ns.saturating_sub(*last_ns);
-    *last_ns = now_ns;
-    match stage {
-        Stage::Begun | Stage::Computed => {}
-        Stage::Read(device) => {
-            if let Some(times) = times.get_mut(device) {
-                times.read.record(took);
-            }
+/// Records the times of each device in a tick, and of the computation between reads and writes.
+fn measure(latencies: &mut Latencies, telemetry: &Telemetry) {
+    let Stamps {
+        began_ns,
+        read_ns,
+        written_ns,
+        motion_to_force_ns,
+    } = &telemetry.stamps;
+    let (mut began, mut computed) = (*began_ns, telemetry.took_ns);
+    let each = read_ns.iter().zip(written_ns).zip(motion_to_force_ns);
+    for (times, ((&read, &written), &motion_to_force)) in latencies.devices.iter_mut().zip(each) {
+        times.read.record(read.saturating_sub(began));
+        times.write.record(written.saturating_sub(computed));
+        if motion_to_force > 0 {
+            times.motion_to_force.record(motion_to_force);
         }
-        Stage::Written(device) => {
-            if let Some(times) = times.get_mut(device) {
-                times.write.record(took);
-            }
-        }
+        (began, computed) = (read, written);
+    }
+    // No clock runs under virtual time.
+    if telemetry.took_ns > 0 {
+        latencies
+            .compute
+            .record(telemetry.took_ns.saturating_sub(began));
     }
 }
 
@@ -157,30 +150,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_time_of_a_device_is_that_of_its_own_stage() {
-        let mut times = [DeviceTimes::new(), DeviceTimes::new()];
-        let mut last = 0;
-        // Two ticks of two devices, with a pause between: the end of each stage (ns).
-        for start in [1_000, 90_000] {
-            for (stage, after) in [
-                (Stage::Begun, 0),
-                (Stage::Read(0), 10),
-                (Stage::Read(1), 10 + 20),
-                (Stage::Computed, 10 + 20 + 500),
-                (Stage::Written(0), 10 + 20 + 500 + 3),
-                (Stage::Written(1), 10 + 20 + 500 + 3 + 7),
-            ] {
-                measure(&mut times, &mut last, stage, start + after);
-            }
-        }
+    fn the_time_of_a_device_is_that_of_its_own_call() {
+        let mut latencies = Latencies::new(0);
+        latencies.devices = vec![DeviceTimes::new(), DeviceTimes::new()];
+        let mut telemetry = Telemetry::empty();
+        telemetry.stamps.began_ns = 4;
+        telemetry.stamps.read_ns[..2].copy_from_slice(&[14, 34]);
+        telemetry.took_ns = 534;
+        telemetry.stamps.written_ns[..2].copy_from_slice(&[537, 544]);
+        telemetry.stamps.motion_to_force_ns[1] = 900;
+        measure(&mut latencies, &telemetry);
+        measure(&mut latencies, &telemetry);
+        let times = &latencies.devices;
         for (times, (read, write)) in times.iter().zip([(10, 3), (20, 7)]) {
             for (histogram, ns) in [(&times.read, read), (&times.write, write)] {
                 let summary = histogram.summary();
                 assert_eq!((summary.count, summary.min, summary.max), (2, ns, ns));
             }
         }
-        // A device that is not measured is left out.
-        measure(&mut times, &mut last, Stage::Read(2), 100_000);
-        measure(&mut times, &mut last, Stage::Written(2), 100_000);
+        let answers = times
+            .iter()
+            .map(|times| times.motion_to_force.summary().max);
+        assert!(answers.eq([0, 900]), "a device without a new time has none");
+        assert_eq!(latencies.compute.summary().max, 500);
     }
 }

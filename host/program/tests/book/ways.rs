@@ -99,12 +99,16 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ("palpate view run.mcap", With("--speed 100")),
     // Runs whose length is not their point.
     (
-        "palpate run --clock real --duration 60 --histogram idle.svg",
-        Changed(&[("60", "1")]),
+        "palpate latency --duration 300 --plot latency.svg --report latency.md",
+        Changed(&[("300", "1")]),
     ),
     (
-        "for core in $(seq \"$(nproc)\"); do timeout 60 yes > /dev/null & done; palpate run --clock real --duration 60 --histogram loaded.svg",
-        Changed(&[("60", "1")]),
+        "palpate latency --report latency.md",
+        With("--duration 1 --load none"),
+    ),
+    (
+        "palpate latency --duration 5 --plot latency.svg --report latency.md --json latency.json",
+        Changed(&[("5", "1")]),
     ),
     (
         "palpate run --clock real --log run.mcap",

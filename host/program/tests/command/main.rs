@@ -3,7 +3,9 @@
 mod accuracy;
 mod bad_meshes;
 mod compare;
+mod doctor;
 mod killed_frames;
+mod latency;
 mod lost_logs;
 mod outputs;
 mod overrides;

@@ -4,7 +4,7 @@
 //! values. `nan` and `inf`, which TOML can write, are always refused. Serde would silently accept a list that is
 //! too long for its array, or a list of values in place of a table; both are refused here.
 
-mod visitors;
+pub(crate) mod visitors;
 
 use super::spec::ModelName;
 use devices::Connection;

@@ -22,16 +22,16 @@ pub(super) struct Cells(pub(super) u32);
 pub(super) struct List<T, const N: usize>(pub(super) [T; N]);
 
 /// Reads a number that passes `test`.
-pub(super) struct Number {
-    pub(super) allowed: &'static str,
-    pub(super) test: fn(f64) -> bool,
+pub(crate) struct Number {
+    pub(crate) allowed: &'static str,
+    pub(crate) test: fn(f64) -> bool,
 }
 
 /// Reads a whole number from `low` to `high`.
-pub(super) struct Whole {
-    pub(super) allowed: &'static str,
-    pub(super) low: u64,
-    pub(super) high: u64,
+pub(crate) struct Whole {
+    pub(crate) allowed: &'static str,
+    pub(crate) low: u64,
+    pub(crate) high: u64,
 }
 
 impl<'de> Deserialize<'de> for Finite {

@@ -52,6 +52,9 @@ pub struct Device {
     /// When the device may render force.
     #[serde(default, deserialize_with = "check::table")]
     pub engage: Engage,
+    /// A force that changes its sign in known ticks, for instruments that measure latency. Default: none.
+    #[serde(default, deserialize_with = "check::optional_table")]
+    pub square_wave: Option<SquareWave>,
     /// Scene metres per device metre.
     #[serde(default = "one", deserialize_with = "check::positive")]
     pub motion_scale: f64,
@@ -90,6 +93,18 @@ pub struct Engage {
     pub ramp: Option<f64>,
 }
 
+/// `[device.square_wave]`: a force that changes its sign in known ticks, beside the forces of bodies and tools.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SquareWave {
+    /// The force on the hand in the first half of the period (N, scene axes).
+    #[serde(deserialize_with = "check::finite3")]
+    pub force: [f64; 3],
+    /// Time between two changes (s).
+    #[serde(default = "quarter", deserialize_with = "check::positive")]
+    pub half_period: f64,
+}
+
 /// The way in which a device is armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -124,6 +139,10 @@ impl Mounting {
 
 /// Time in which the force of a device comes in, if the scene gives none (s).
 const RAMP: f64 = 1.0;
+
+fn quarter() -> f64 {
+    0.25
+}
 
 fn ten() -> f64 {
     10.0

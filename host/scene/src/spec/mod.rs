@@ -14,11 +14,12 @@ mod tear;
 mod tool;
 
 use super::check;
+use crate::settings::MachineTables;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
 pub use contact::{Contact, Obstacle};
-pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED};
+pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED, SquareWave};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;
@@ -50,6 +51,9 @@ pub struct Scene {
     /// The settings of `palpate solve`.
     #[serde(default, deserialize_with = "check::table")]
     pub solve: Solve,
+    /// Settings of the machine that this scene needs in place of those of the machine's own file.
+    #[serde(default, deserialize_with = "check::table")]
+    pub machine: MachineTables,
     /// Acceleration of gravity (m/s^2).
     #[serde(default = "earth", deserialize_with = "check::finite3")]
     pub gravity: [f64; 3],

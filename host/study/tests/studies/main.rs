@@ -4,6 +4,7 @@ mod accuracy;
 mod contact;
 mod contact_between;
 mod extrapolation;
+mod latency;
 mod stability;
 mod stress_connections;
 mod stress_contact;

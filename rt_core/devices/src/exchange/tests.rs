@@ -5,6 +5,7 @@ use crate::scripted::small;
 use poller::BEGUN;
 use proptest::prelude::*;
 use rt_core::{Freedom, Reading, Rendering, Vec3};
+use runner::schedule::DEVICE_PRIORITY;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -337,7 +338,7 @@ fn a_thread_exchanges_and_releases_the_device() {
         let obeys = Obeys {
             released: Arc::clone(&released),
         };
-        let device = Exchanged::start(obeys, small(Freedom::Three), 1e-3);
+        let device = Exchanged::start(obeys, small(Freedom::Three), 1e-3, DEVICE_PRIORITY);
         let mut device = device.expect("a thread");
         for (force, reading) in [(ANSWERS, Ok(at(7))), (force, Err(error))] {
             while device.read(0).map(|state| at(state.device_time_ns)) != reading {
@@ -370,7 +371,12 @@ fn neither_the_tick_nor_the_end_waits_for_a_device_that_blocks() {
     }
     let (done, seen) = channel();
     let (goes_on, waits) = channel();
-    let device = Exchanged::start(Blocks(done, waits), small(Freedom::Three), 1e-3);
+    let device = Exchanged::start(
+        Blocks(done, waits),
+        small(Freedom::Three),
+        1e-3,
+        DEVICE_PRIORITY,
+    );
     let mut device = device.expect("a thread");
     assert_eq!(seen.recv(), Ok("exchanged"));
     for _ in 0..SLOTS {

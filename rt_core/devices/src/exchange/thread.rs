@@ -8,22 +8,20 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::{JoinHandle, park_timeout};
 use std::time::Duration;
 
-/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. This module does not
-/// report a refusal, because the tick requests a higher priority and reports its own refusal.
-const PRIORITY: u8 = 45;
-
-/// Starts the thread, which ends after `commands` has lost its writer.
+/// Starts the thread, which ends after `commands` has lost its writer. The thread takes `priority` under SCHED_FIFO, if
+/// allowed. This module does not report a refusal, because the tick reports the refusal of its own priority.
 pub(super) fn start(
     mut exchange: impl Exchange + 'static,
     mut commands: Consumer<Handed>,
     mut replies: Producer<Reply>,
     let_go: Duration,
+    priority: u8,
 ) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new()
         .stack_size(runner::STACK)
         .name("palpate-exchange".into())
         .spawn(move || {
-            let _ = realtime(PRIORITY);
+            let _ = realtime(priority);
             // The device is released even after a panic of its driver. Neither panic may end the process.
             let _ = catch_unwind(AssertUnwindSafe(|| {
                 poll(&mut exchange, &mut commands, &mut replies, let_go);

@@ -95,6 +95,7 @@ impl Driver for FalconDriver {
             falcon,
             limited(request.model.capabilities()),
             request.period,
+            request.priority,
         );
         let device = device.map_err(|error| refused(Box::new(error)))?;
         Ok(Box::new(device))

@@ -50,6 +50,7 @@ impl Driver for Hid {
             &selector,
             request.model.capabilities(),
             watchdog_us(request.period),
+            request.priority,
         );
         let device = device.map_err(refused)?;
         if let Some(name) = device.name() {

@@ -233,7 +233,14 @@ fn a_device_that_is_not_the_one_that_was_greeted_gets_no_force() {
     let socket = Arc::new(Mutex::new(Plugged::new(model("right"))));
     let ends = ends_of(&socket, &Arc::new(()));
     let greeted = Some(model("left"));
-    let device = HidDevice::start(ends, Box::new(|| Err(NO_DEVICE)), profile(), 0, greeted);
+    let device = HidDevice::start(
+        ends,
+        Box::new(|| Err(NO_DEVICE)),
+        profile(),
+        0,
+        greeted,
+        DEVICE_PRIORITY,
+    );
     let mut device = device.expect("a thread");
     let mut now_ns = 0;
     until(&mut device, &mut now_ns, |_, device| {
@@ -302,7 +309,7 @@ fn a_missing_device_is_named_with_a_remedy() {
         workspace_radius: 0.1,
         position_step: 1e-5,
     };
-    match HidDevice::open(&selector, capabilities, 0) {
+    match HidDevice::open(&selector, capabilities, 0, DEVICE_PRIORITY) {
         Ok(_) => panic!("no such device exists"),
         Err(error) => {
             let text = error.to_string();

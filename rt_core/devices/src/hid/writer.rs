@@ -23,10 +23,6 @@ use std::time::{Duration, Instant};
 /// Number of commands that may wait. A healthy device is never behind by more than one or two.
 const SLOTS: usize = 4;
 
-/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. A refusal is not
-/// reported here, because the tick requests a higher priority and reports its own refusal.
-const PRIORITY: u8 = 45;
-
 /// Number of reading ends that may wait for the tick, or for the thread.
 const ENDS: usize = 2;
 
@@ -53,8 +49,14 @@ pub(super) struct Writer<T, R> {
 
 impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
     /// Starts the thread. `write` sends one command, or returns the system's error number. The thread sends `last` as
-    /// its last command, whatever other commands wait. `open` opens a lost device again.
-    pub(super) fn start(write: Write<T>, last: T, mut open: Open<T, R>) -> std::io::Result<Self> {
+    /// its last command, whatever other commands wait. `open` opens a lost device again. The thread takes `priority` under
+    /// SCHED_FIFO, if allowed; the tick reports the refusal of its own priority.
+    pub(super) fn start(
+        write: Write<T>,
+        last: T,
+        mut open: Open<T, R>,
+        priority: u8,
+    ) -> std::io::Result<Self> {
         let (producer, mut ring, _) = prefaulted(SLOTS, last);
         let (mut found, fresh) = RingBuffer::new(ENDS);
         let (old, mut closed) = RingBuffer::new(ENDS);
@@ -63,7 +65,7 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
         let lost = Arc::new(AtomicBool::new(false));
         let missing = Arc::clone(&lost);
         let work = move || {
-            let _ = realtime(PRIORITY);
+            let _ = realtime(priority);
             let start = Instant::now();
             let now_ns = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
             let mut writing = Writing::default();
@@ -175,13 +177,14 @@ impl<T, R> Drop for Writer<T, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use runner::schedule::DEVICE_PRIORITY;
     use std::sync::mpsc::{channel, sync_channel};
 
     /// A writer whose device does not come back.
     fn start(
         write: impl FnMut(&u32) -> Result<(), i32> + Send + 'static,
     ) -> std::io::Result<Writer<u32, ()>> {
-        Writer::start(Box::new(write), 0, Box::new(|| Err(19)))
+        Writer::start(Box::new(write), 0, Box::new(|| Err(19)), DEVICE_PRIORITY)
     }
 
     #[test]
@@ -231,8 +234,13 @@ mod tests {
             let write = move |command: &u32| written.send((reading, *command)).map_err(|_| 1);
             Ok((reading, Box::new(write) as Write<u32>))
         };
-        let mut writer =
-            Writer::start(Box::new(|_: &u32| Err(19)), 0, Box::new(open)).expect("a thread");
+        let mut writer = Writer::start(
+            Box::new(|_: &u32| Err(19)),
+            0,
+            Box::new(open),
+            DEVICE_PRIORITY,
+        )
+        .expect("a thread");
         let mut reading = Some(1);
         assert_eq!(writer.found(), None);
         writer.lose(&mut reading);
@@ -268,7 +276,8 @@ mod tests {
             let write = move |command: &u32| written.send(("back", *command)).map_err(|_| 1);
             Ok(((), Box::new(write) as Write<u32>))
         };
-        let mut writer = Writer::start(Box::new(write), 0, Box::new(open)).expect("a thread");
+        let mut writer =
+            Writer::start(Box::new(write), 0, Box::new(open), DEVICE_PRIORITY).expect("a thread");
         assert_eq!(writer.hand_on(1), Ok(()));
         assert_eq!(seen.recv(), Ok(("lost", 1)));
         // These wait. Then the device is lost, and the write that hung fails.
@@ -298,7 +307,8 @@ mod tests {
                 Box::new(|_: &u32| Ok(())) as Write<u32>,
             ))
         };
-        let mut writer = Writer::start(Box::new(write), 0, Box::new(open)).expect("a thread");
+        let mut writer =
+            Writer::start(Box::new(write), 0, Box::new(open), DEVICE_PRIORITY).expect("a thread");
         writer.lose(&mut Some((near, usize::MAX)));
         let (_, open_at_the_time) = back(&mut writer);
         assert_eq!(open_at_the_time, 0);

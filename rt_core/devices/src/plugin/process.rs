@@ -31,9 +31,8 @@ pub const EXCHANGE: Duration = Duration::from_secs(1);
 const CLOSE: Duration = Duration::from_secs(1);
 /// Time between two checks whether a process has ended.
 const LOOK: Duration = Duration::from_millis(1);
-/// Priority under SCHED_FIFO, if allowed: that of the thread that waits for the process.
-const PRIORITY: u8 = 45;
-/// First argument of the program that serves a plug-in. The file of the plug-in and the address of its device follow.
+/// First argument of the program that serves a plug-in. The file of the plug-in, the address of its device and the
+/// priority of the process follow.
 const SERVE: &str = "serve-plug-in";
 /// Error numbers: the process has ended (ENODEV), does not answer (ETIMEDOUT).
 const ENDED: i32 = 19;
@@ -48,8 +47,9 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// Starts `program`, which serves the plug-in in a file, and waits until its device is open. Also returns the name and
-    /// the capabilities that the plug-in states.
+    /// Starts `program`, which serves the plug-in in a file, and waits until its device is open. The process takes
+    /// `priority` under SCHED_FIFO, if allowed: that of the thread that waits for it. Also returns the name and the
+    /// capabilities that the plug-in states.
     ///
     /// # Errors
     /// [`PluginError`].
@@ -57,6 +57,7 @@ impl Process {
         program: &Path,
         path: &Path,
         address: &str,
+        priority: u8,
     ) -> Result<(Self, String, abi::Capabilities), PluginError> {
         let started = || {
             let (near, far) = socketpair(
@@ -67,6 +68,7 @@ impl Process {
             )?;
             let mut command = Command::new(program);
             command.arg0("palpate").arg(SERVE).arg(path).arg(address);
+            command.arg(priority.to_string());
             command.stdin(far);
             // The output of a plug-in is no result of the run.
             command.stdout(Stdio::from(std::io::stderr().as_fd().try_clone_to_owned()?));
@@ -184,7 +186,8 @@ pub fn served() -> Option<ExitCode> {
         return None;
     }
     let (file, address) = (PathBuf::from(arguments.next()?), arguments.next()?);
-    let served = serve(&file, &address.to_string_lossy());
+    let priority = arguments.next()?.to_str()?.parse().ok()?;
+    let served = serve(&file, &address.to_string_lossy(), priority);
     Some(served.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS))
 }
 
@@ -205,7 +208,7 @@ fn end_with(socket: OwnedFd) {
 }
 
 /// Serves the plug-in in a file over the socket that is the standard input, until the socket ends.
-fn serve(file: &Path, address: &str) -> Result<(), Errno> {
+fn serve(file: &Path, address: &str, priority: u8) -> Result<(), Errno> {
     let socket = std::io::stdin();
     end_with(rustix::io::dup(&socket)?);
     let say = |bytes: &[u8]| send(&socket, bytes, SendFlags::NOSIGNAL).map(drop);
@@ -221,7 +224,7 @@ fn serve(file: &Path, address: &str) -> Result<(), Errno> {
         Err(problem) => return say(&Opening::Refused(problem.to_string()).encode()),
     };
     // A refusal is not reported here, because the tick requests a higher priority and reports its own refusal.
-    let _ = realtime(PRIORITY);
+    let _ = realtime(priority);
     let mut buffer = [0; LONGEST];
     loop {
         let length = match recv(&socket, &mut buffer, RecvFlags::empty()) {

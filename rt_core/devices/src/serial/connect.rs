@@ -134,7 +134,7 @@ fn start(
     }
     let stated = device.reports().host().capabilities();
     request.has_firmware(stated.map(|report| report.model.firmware));
-    let device = Exchanged::start(device, capabilities, request.period);
+    let device = Exchanged::start(device, capabilities, request.period, request.priority);
     let device = device.map_err(|error| refused(request.address, &error))?;
     Ok(Box::new(device))
 }

@@ -163,7 +163,12 @@ impl Driver for WoodenHapticsDriver {
         };
         let device = WoodenHaptics::open(&setup, first_then(first, again), clock());
         let device = device.map_err(|error: DriverError| refused(Box::new(error)))?;
-        let device = Exchanged::start(device, request.model.capabilities(), request.period);
+        let device = Exchanged::start(
+            device,
+            request.model.capabilities(),
+            request.period,
+            request.priority,
+        );
         let device = device.map_err(|error| refused(Box::new(error)))?;
         Ok(Box::new(device))
     }

@@ -30,18 +30,19 @@ pub(super) fn body(
 ) -> (Outcome, Held) {
     let counted = calls::are_counted();
     let mut locked = LockedMemory::new();
-    let (granted, awake) = set_up(&config, &tick_loop, &mut locked);
+    let (mut granted, awake) = set_up(&config, &tick_loop, &mut locked);
     let held = Held {
         _awake: awake,
         _locked: locked,
     };
     let ready = ready(&config, &granted);
+    // The first deadline is a whole period ahead, so the first tick has as much time as the others.
+    granted.first_deadline_ns = now_ns().saturating_add(config.period_ns);
     let length = if ready.is_ok() { config.ticks } else { Some(0) };
     // The thread that called `spawn` waits for this message. If it no longer waits, `stop` still ends the run.
     let _ = sender.send(ready.map(|()| granted.clone()));
 
-    // The first deadline is a whole period ahead, so the first tick has as much time as the others.
-    let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
+    let mut pace = Pace::new(granted.first_deadline_ns, config.period_ns);
     // The message may have taken a system call that a tick may not make.
     trap::clear();
     let allocated = calls::so_far();
