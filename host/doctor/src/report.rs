@@ -1,6 +1,7 @@
 //! The checks of a machine together: their counts, and a line for the start of a run.
 
 use crate::check::{Check, Verdict};
+use std::fmt::Write as _;
 
 /// All checks of a machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,14 +47,15 @@ impl Report {
         if !lacking.is_empty() {
             let more = lacking.len().saturating_sub(MOST_NAMES);
             lacking.truncate(MOST_NAMES);
-            line += &format!("; lacking: {}", lacking.join(", "));
+            // Writing to a string does not fail.
+            let _ = write!(line, "; lacking: {}", lacking.join(", "));
             if more > 0 {
-                line += &format!(" and {more} more");
+                let _ = write!(line, " and {more} more");
             }
         }
         let unknown = self.count(Verdict::Unknown);
         if unknown > 0 {
-            line += &format!("; unknown: {unknown}");
+            let _ = write!(line, "; unknown: {unknown}");
         }
         line + " (`palpate doctor` tells the rest)"
     }

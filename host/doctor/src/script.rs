@@ -176,7 +176,8 @@ pub fn script(report: &Report) -> String {
                 Step::ByHand(text) => {
                     // A line of a comment for the shell, whatever the machine has put into the text.
                     let text = text.replace(|c: char| c.is_control() || c == '\'', "?");
-                    hand += &format!("    printf '  %s\\n' '{}: {text}'\n", check.name);
+                    // Writing to a string does not fail.
+                    let _ = write!(hand, "    printf '  %s\\n' '{}: {text}'\n", check.name);
                     continue;
                 }
                 Step::File { path, text } => {
@@ -192,7 +193,7 @@ pub fn script(report: &Report) -> String {
                 Step::Package(name) => format!("    package {name}\n"),
                 Step::Group(name) => format!("    group {name}\n"),
             };
-            body += &format!("    # {}\n{text}", check.id);
+            let _ = write!(body, "    # {}\n{text}", check.id);
         }
     }
     let (core, priority) = (report.core, report.priority);

@@ -9,8 +9,9 @@ use crate::step::Step;
 use crate::system::System;
 use devices::found::{self, Found};
 use runner::cores::parse_list;
+use std::ffi::OsStr;
 use std::fs::canonicalize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The checks of this group.
 pub(crate) fn checks(system: &System) -> Vec<Check> {
@@ -266,7 +267,7 @@ impl Rules {
         ] {
             for name in system.names(folder) {
                 let known = files.iter().any(|(file, _)| *file == name);
-                if name.ends_with(".rules") && !known {
+                if Path::new(&name).extension() == Some(OsStr::new("rules")) && !known {
                     let text = system.text(&format!("{folder}/{name}")).unwrap_or_default();
                     files.push((name, text));
                 }

@@ -25,10 +25,12 @@ mod plan;
 mod progress;
 mod replay;
 mod run;
+mod serve;
 mod sets;
 mod settings;
 mod signals;
 mod solve;
+mod status;
 mod stress;
 mod sweep;
 mod tips;
@@ -91,6 +93,10 @@ enum Task {
     Plan(plan::PlanArguments),
     /// Print the settings of this machine: core and priority of the tick, threads of the devices, folder of logs
     Settings(settings::SettingsArguments),
+    /// Run the scene of the machine's settings without an end, as a service does
+    Serve(serve::ServeArguments),
+    /// Ask a program that serves what it does
+    Status(status::StatusArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
@@ -200,6 +206,21 @@ enum CommandError {
         "--force-displacement: no support of the scene is displaced; give a [[body.support]] a `displacement`"
     )]
     NothingDisplaced,
+    #[error(
+        "{}: the socket of `palpate status` cannot be made: {source}; name another one by `serve.socket` of the settings",
+        path.display()
+    )]
+    Socket {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("{}: no `palpate serve` answers: {source}", path.display())]
+    NotServed {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("no tick advances: the program is {0}")]
+    NotRunning(String),
     #[error("--square-wave: {0}")]
     SquareWave(String),
     #[error("the system gave no process for the load: {0}; measure without it by --load none")]
@@ -289,7 +310,7 @@ impl Task {
     /// Whether the command has an end of its own for signals.
     fn ends_by_itself(&self) -> bool {
         match self {
-            Self::Run(_) | Self::Device(_) | Self::Latency(_) => true,
+            Self::Run(_) | Self::Device(_) | Self::Latency(_) | Self::Serve(_) => true,
             #[cfg(feature = "view")]
             Self::View(_) => true,
             _ => false,
@@ -352,6 +373,8 @@ fn execute(command: Option<Task>) -> u8 {
         Task::Run(arguments) => run::run(&arguments),
         Task::Plan(arguments) => plan::run(&arguments),
         Task::Settings(arguments) => settings::run(&arguments),
+        Task::Serve(arguments) => serve::run(&arguments),
+        Task::Status(arguments) => status::run(&arguments),
         Task::Solve(arguments) => solve::run(&arguments),
         Task::Compare(arguments) => compare::run(&arguments),
         Task::Sweep(arguments) => sweep::run(&arguments),

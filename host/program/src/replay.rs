@@ -6,9 +6,10 @@ use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
 use host::log::index::{IndexError, LogIndex};
+use host::log::series::with_successors;
 use host::run::TickOutputs;
 use host::run::observer::Observers;
-use host::run::replay::{ReplayError, replay_watched, scene_of};
+use host::run::replay::{Chain, ReplayError, replay_watched, scene_of};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -81,6 +82,12 @@ pub(super) fn run(
     })
 }
 
-fn open(path: &Path) -> Result<LogIndex<File>, ReplayFileError> {
-    Ok(LogIndex::open(devices::input::open(path)?)?)
+/// The log at `path`, and the logs of its series that continue it.
+fn open(path: &Path) -> Result<Chain<File>, ReplayFileError> {
+    let open =
+        |path: &PathBuf| Ok::<_, ReplayFileError>(LogIndex::open(devices::input::open(path)?)?);
+    let first = open(&path.to_owned())?;
+    let all = with_successors(path);
+    let later: Result<_, _> = all.iter().skip(1).map(open).collect();
+    Ok(Chain::new(first, later?))
 }

@@ -104,27 +104,46 @@ pub(super) struct Ending {
     stop: Arc<Stop>,
     /// The signal that was received; zero for none.
     received: Arc<AtomicUsize>,
+    /// Whether SIGHUP has asked a command that serves for another configuration.
+    reload: Arc<AtomicBool>,
 }
 
 impl Ending {
+    /// Installs the handlers of a command that serves: SIGHUP asks it to read its configuration again, and ends nothing.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub(super) fn serving() -> Result<Self, CommandError> {
+        Self::install(false, true).map_err(CommandError::Signals)
+    }
+
+    /// Whether SIGHUP has come since the last call.
+    pub(super) fn takes_reload(&self) -> bool {
+        self.reload.swap(false, Ordering::SeqCst)
+    }
+
     /// Installs the handlers, before the command does anything else. `operated`: an operator takes [`ORDERS`]; for a
     /// command without an operator they are signals like the others.
     ///
     /// # Errors
     /// [`CommandError::Signals`] if the system refuses a handler or the thread that waits for a second request.
     pub(super) fn begin(operated: bool) -> Result<Self, CommandError> {
-        Self::install(operated).map_err(CommandError::Signals)
+        Self::install(operated, false).map_err(CommandError::Signals)
     }
 
-    fn install(operated: bool) -> io::Result<Self> {
+    fn install(operated: bool, serves: bool) -> io::Result<Self> {
         for signal in [SIGTTIN, SIGTTOU] {
             ignore(signal)?;
         }
         let new = Self {
             stop: Arc::new(Stop::new()),
             received: Arc::default(),
+            reload: Arc::default(),
         };
-        let hangs_up = !is_ignored(SIGHUP);
+        if serves {
+            flag::register(SIGHUP, Arc::clone(&new.reload))?;
+        }
+        let hangs_up = !serves && !is_ignored(SIGHUP);
         let requested = Arc::new(AtomicBool::new(false));
         let orders = ORDERS.into_iter().filter(|_| !operated);
         let signals = ending().into_iter().chain(orders);

@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 9] = [
+const OUTPUTS: [Output; 8] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -50,12 +50,6 @@ const OUTPUTS: [Output; 9] = [
         root: "palpate::plan::PlanJson",
     },
     Output {
-        title: Cow::Borrowed("`palpate settings --json`"),
-        schema: "palpate.settings/1",
-        about: "The settings of the machine, each with what gives it.",
-        root: "palpate::settings::SettingsJson",
-    },
-    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -73,16 +67,10 @@ const OUTPUTS: [Output; 9] = [
         about: "The mechanics of a device, each number with its interval.",
         root: "palpate::device::identify::IdentifiedJson",
     },
-    Output {
-        title: Cow::Borrowed("`palpate doctor --json`"),
-        schema: "palpate.doctor/1",
-        about: "What the machine lacks for a steady tick.",
-        root: "palpate::doctor::DoctorJson",
-    },
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 12] = [
+const STUDIES: [Output; 14] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
@@ -136,6 +124,18 @@ const STUDIES: [Output; 12] = [
         schema: "palpate.velocity/1",
         about: "Errors of the estimate of velocity.",
         root: "study::velocity::VelocityStudy",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate settings --json`"),
+        schema: "palpate.settings/1",
+        about: "The settings of the machine, each with what gives it.",
+        root: "palpate::settings::SettingsJson",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate doctor --json`"),
+        schema: "palpate.doctor/1",
+        about: "What the machine lacks for a steady tick.",
+        root: "palpate::doctor::DoctorJson",
     },
     Output {
         title: Cow::Borrowed("`palpate latency --json`"),

@@ -31,6 +31,7 @@ mod limits;
 pub mod overview;
 mod read;
 mod record;
+pub mod series;
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -39,18 +39,19 @@ use crate::atomic_file::{AtomicFileError, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::faults::HostFault;
 use crate::live::socket::{Listener, SocketError};
+use crate::log::series::{Series, SeriesOptions};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::preparation::Preparation;
 use crate::record::Group;
-use crate::scene::{LoadedScene, SceneError, connections};
+use crate::scene::{LoadedScene, Scene, SceneError, connections};
 use crate::world::{World, scheme};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
 use ended::Ended;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
 use log_frames::LogFrames;
-use log_observer::LogObserver;
+use log_observer::{LogObserver, Next};
 use observer::Observers;
 use physics::{Body, FactorCode};
 use prepare::{Options, Prepared};
@@ -81,6 +82,8 @@ pub struct RunOptions {
     pub seed: Option<u64>,
     /// Path of the log; `None` for a run without a log.
     pub log: Option<PathBuf>,
+    /// A series of logs in place of `log`, for a run without an end.
+    pub series: Option<SeriesOptions>,
     /// Frames of the bodies in the log a second of the run's own time (Hz); `None` for a log without frames. Without a
     /// log, this has no effect.
     pub log_frames: Option<f64>,
@@ -127,6 +130,7 @@ impl RunOptions {
             duration: None,
             seed: None,
             log: None,
+            series: None,
             log_frames: None,
             plot: None,
             component: plot::Component::default(),
@@ -172,6 +176,11 @@ pub enum RunError {
     /// The tick's thread panicked.
     #[error(transparent)]
     Tick(#[from] TickPanic),
+    /// The folder of a series of logs cannot be read.
+    #[error(
+        "the folder of the logs cannot be read: {0}; create it, or name another one by `log.folder` of the settings"
+    )]
+    Folder(std::io::Error),
     /// No thread for the host or the log.
     #[error("the system gave no thread for the host or the log: {0}")]
     Thread(std::io::Error),
@@ -239,7 +248,14 @@ pub fn run_watched(
     let loaded = world.loaded;
     connections::check(loaded)?;
     let seed = options.seed.unwrap_or(loaded.scene.seed);
-    let log = options.log.as_deref().map(LogFile::open).transpose()?;
+    let series = options.series.as_ref().map(Series::new).transpose();
+    let mut series = series.map_err(RunError::Folder)?;
+    let path = series.as_mut().map(Series::next);
+    let log = path
+        .as_deref()
+        .or(options.log.as_deref())
+        .map(LogFile::open)
+        .transpose()?;
     let view = options.view.as_ref();
     let listener = view.map(|view| Listener::bind(view.socket.as_deref()));
     let listener = listener.transpose()?;
@@ -288,8 +304,9 @@ pub fn run_watched(
     let tears = tears.as_mut();
     let devices = &prepared.tick.devices;
     let log = log.map(|log| (log, header(loaded, options, seed, devices), log_frames));
-    let mut observers = observers(loaded, options, others, (log, tears), &logged)?;
-    if options.log.is_some() || options.ticks.csv.is_some() || view.is_some() {
+    let is_logged = log.is_some();
+    let mut observers = observers(loaded, options, others, (log, tears), &logged, series)?;
+    if is_logged || options.ticks.csv.is_some() || view.is_some() {
         let channel = contacts::channel(&loaded.scene, &prepared.engine);
         if let Some((sender, steps)) = channel {
             prepared.subscribers.contacts = Some(sender);
@@ -338,7 +355,7 @@ pub fn run_watched(
         writer.finish(&mut ended.observed);
     }
     ended.observed.degradations.extend(told);
-    ended.judge(loaded, options.log.is_some());
+    ended.judge(loaded, is_logged);
     let mut summary = report::summarize(world, options, seed, size, &ended);
     summary.unwritten.append(&mut ended.observed.unwritten);
     let slow = found.get().copied();
@@ -401,6 +418,7 @@ fn observers(
     others: Observers,
     (log, mut tears): (Option<LogParts>, Option<&mut TearSender>),
     logged: &Arc<AtomicU64>,
+    series: Option<Series>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
     let mut listen = || {
@@ -414,27 +432,45 @@ fn observers(
     let Some((file, header, frames)) = log else {
         return Ok(observers);
     };
-    let mut log = LogWriter::begin_file(file, &header)?;
-    if frames.is_some() {
-        for (index, body) in scene.bodies.iter().enumerate() {
-            log.add(Group::Frames, index, &body.name)?;
-        }
-    }
     let theirs = listen();
-    if let Some(tears) = tears {
-        let bodies = scene.bodies.iter().zip(tears.tearing()).enumerate();
-        for (index, (body, _)) in bodies.filter(|(_, (_, tears))| *tears) {
-            log.add(Group::Tears, index, &body.name)?;
+    let tearing = tears
+        .as_ref()
+        .map(|tears| tears.tearing())
+        .unwrap_or_default();
+    let groups = groups(scene, frames.is_some(), &tearing);
+    let begin = move |file| {
+        let mut log = LogWriter::begin_file(file, &header)?;
+        for (group, index, name) in &groups {
+            log.add(*group, *index, name)?;
         }
-    }
-    if scene.has_contact() {
-        log.add(Group::Contacts, 0, "")?;
-    }
-    if !scene.tools.is_empty() {
-        log.add(Group::Tools, 0, "")?;
-    }
-    let log = LogObserver::new(log, loaded, options.clock, (frames, theirs), logged);
+        Ok(log)
+    };
+    let log = begin(file)?;
+    let clock = options.clock;
+    let next = series.map(|series| Next {
+        series,
+        begin: Box::new(begin),
+        loaded: loaded.clone(),
+        clock,
+        before: 0,
+        lost: 0,
+    });
+    let log = LogObserver::new(log, loaded, clock, (frames, theirs), logged, next);
     Ok(observers.with(log))
+}
+
+/// The groups of channels of a log of `scene`, each with the index and the name of its body. `tearing` tells of each body whether it
+/// tears.
+fn groups(scene: &Scene, with_frames: bool, tearing: &[bool]) -> Vec<(Group, usize, String)> {
+    let bodies = || scene.bodies.iter().enumerate();
+    let frames = bodies().filter(|_| with_frames);
+    let frames = frames.map(|(index, body)| (Group::Frames, index, body.name.clone()));
+    let tears = bodies().filter(|(index, _)| tearing.get(*index) == Some(&true));
+    let tears = tears.map(|(index, body)| (Group::Tears, index, body.name.clone()));
+    let run = |group, present: bool| present.then(|| (group, 0, String::new()));
+    let contacts = run(Group::Contacts, scene.has_contact());
+    let tools = run(Group::Tools, !scene.tools.is_empty());
+    frames.chain(tears).chain(contacts).chain(tools).collect()
 }
 
 /// Writes the plot and the summary to the files that `options` names. A file that cannot be written is one of the failures

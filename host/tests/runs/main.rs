@@ -17,6 +17,7 @@ mod live_socket;
 mod live_truth;
 mod log_frames;
 mod log_on_disk;
+mod log_series;
 mod mounting;
 mod observers;
 mod pieces_asleep;

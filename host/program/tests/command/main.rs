@@ -12,6 +12,7 @@ mod overrides;
 mod paper;
 mod program;
 mod replay;
+mod serve;
 mod solve;
 mod stress_hold;
 mod stress_options;

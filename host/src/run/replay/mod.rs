@@ -10,9 +10,11 @@
 //! it. A replay therefore takes the memory of a part of the log, however long the log is, and begins no file of its own
 //! for a log that cannot be replayed.
 
+mod chain;
 mod compare;
 mod waiting;
 
+pub use chain::Chain;
 pub use compare::{Difference, Field, Value};
 
 use super::devices;
@@ -50,6 +52,12 @@ pub enum ReplayError {
     /// The log holds no ticks.
     #[error("the log has no ticks, so a replay is not possible")]
     Empty,
+    /// The log begins in the middle of a run.
+    #[error(
+        "the log begins with tick {0}, in the middle of a run, and a replay begins with the first tick. Give the first file of \
+         the run; a run whose first file was deleted to make room cannot be replayed"
+    )]
+    Middle(u64),
     /// The log lacks a tick.
     #[error(
         "the log lacks tick {expected} and continues with tick {found}: the log's ring was full, and a run whose \
@@ -375,6 +383,9 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
             waiting.extend(part.models.iter().map(|model| (place(model), ())));
             waiting.extend(part.patches.iter().map(|patch| (place_of(patch), ())));
             for row in part.rows {
+                if expected == 0 && row.tick > 0 {
+                    return Err(ReplayError::Middle(row.tick));
+                }
                 if row.tick != expected {
                     return Err(ReplayError::MissingTick {
                         expected,
