@@ -177,7 +177,7 @@ pub fn script(report: &Report) -> String {
                     // A line of a comment for the shell, whatever the machine has put into the text.
                     let text = text.replace(|c: char| c.is_control() || c == '\'', "?");
                     // Writing to a string does not fail.
-                    let _ = write!(hand, "    printf '  %s\\n' '{}: {text}'\n", check.name);
+                    let _ = writeln!(hand, "    printf '  %s\\n' '{}: {text}'", check.name);
                     continue;
                 }
                 Step::File { path, text } => {

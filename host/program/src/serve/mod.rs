@@ -202,7 +202,10 @@ impl Server<'_> {
     /// Shows the beginning of a run.
     fn show(&self, options: &RunOptions, loaded: &LoadedScene) {
         let mut status = self.board.open();
-        "starting".clone_into(&mut status.state);
+        // A program that waits goes on waiting until ticks advance.
+        if status.state == "running" {
+            "starting".clone_into(&mut status.state);
+        }
         status.scene.clone_from(&loaded.scene.name);
         (status.ticks, status.skipped, status.logged) = (0, 0, 0);
         status.longest_lateness = 0.0;

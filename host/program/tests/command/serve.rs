@@ -288,7 +288,7 @@ fn a_service_waits_for_its_device_and_says_so_once() -> Outcome {
     );
     let mut emulator = palpate(
         folder.path(),
-        &format!("device emulate touch --on tcp:{port} --tremor 0.0005"),
+        &format!("device emulate omega3 --on tcp:{port} --tremor 0.0005"),
     );
     let mut emulator = emulator
         .stdout(Stdio::null())
