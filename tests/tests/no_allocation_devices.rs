@@ -6,6 +6,7 @@ use devices::conformance::Suite;
 use devices::hid::{HidDevice, ReadReport, WriteReport};
 use devices::{Exchange, Exchanged, ReplayDevice};
 use rt_core::{Device, DeviceError, DeviceState, Vec3, Wrench};
+use runner::schedule::DEVICE_PRIORITY;
 use sim::{
     DeviceModel, Fault, Faulty, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired,
 };
@@ -70,7 +71,8 @@ fn losing_a_device_never_allocates() {
         std::thread::yield_now();
     }
 
-    let mut device = Exchanged::start(Lossy(0), capabilities, 1e-3).expect("a thread");
+    let mut device =
+        Exchanged::start(Lossy(0), capabilities, 1e-3, DEVICE_PRIORITY).expect("a thread");
     // It comes back twice.
     for _ in 0..2 {
         while tick(&mut device, 0) != Err(DeviceError::Disconnected(19)) {

@@ -403,10 +403,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         waiting = None;
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
-    if real {
-        bar.say(&super::doctor::line(&settings));
-    }
     let world = build(&loaded, &bar)?;
+    let mut judged = real.then(|| super::doctor::line(&settings));
     let mut warned = false;
     let result = host::run::run(&world, &options, &mut |progress| {
         if let Some(preparation) = progress.preparation {
@@ -414,8 +412,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             return;
         }
         // The devices are open now.
-        if let Some(waiting) = waiting.take() {
-            bar.say(&waiting);
+        for told in judged.take().into_iter().chain(waiting.take()) {
+            bar.say(&told);
         }
         let position = (1000.0 * progress.fraction()) as u64;
         #[cfg(feature = "view")]

@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 8] = [
+const OUTPUTS: [Output; 7] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -44,12 +44,6 @@ const OUTPUTS: [Output; 8] = [
         root: "host::solve::result::Solution",
     },
     Output {
-        title: Cow::Borrowed("`palpate plan --json`"),
-        schema: "palpate.plan/2",
-        about: "The stages of a host step.",
-        root: "palpate::plan::PlanJson",
-    },
-    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -70,7 +64,7 @@ const OUTPUTS: [Output; 8] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 14] = [
+const STUDIES: [Output; 16] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
@@ -132,10 +126,22 @@ const STUDIES: [Output; 14] = [
         root: "palpate::settings::SettingsJson",
     },
     Output {
+        title: Cow::Borrowed("`palpate plan --json`"),
+        schema: "palpate.plan/2",
+        about: "The stages of a host step.",
+        root: "palpate::plan::PlanJson",
+    },
+    Output {
         title: Cow::Borrowed("`palpate doctor --json`"),
         schema: "palpate.doctor/1",
         about: "What the machine lacks for a steady tick.",
         root: "palpate::doctor::DoctorJson",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate status --json`"),
+        schema: "palpate.status/1",
+        about: "What a program that serves does.",
+        root: "palpate::serve::status::Status",
     },
     Output {
         title: Cow::Borrowed("`palpate latency --json`"),

@@ -70,13 +70,13 @@ fn is_progress(line: &str) -> bool {
         .is_some_and(|(seconds, _)| seconds.parse::<u64>().is_ok())
 }
 
-/// A message of the program without blank ends, and without lines of progress.
+/// A message of the program without blank ends, and without lines of progress and of the doctor, which depend on the machine.
 fn without_progress(message: &str) -> String {
     let lines = message
         .trim()
         .lines()
         // A busy machine may be slow enough for a line of progress.
-        .filter(|line| !is_progress(line));
+        .filter(|line| !is_progress(line) && !line.starts_with("palpate: doctor: "));
     lines.collect::<Vec<_>>().join("\n")
 }
 

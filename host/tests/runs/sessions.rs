@@ -45,7 +45,8 @@ fn sessions_side_by_side_give_the_bytes_of_sessions_alone() -> Result<(), Box<dy
     assert!(alone[0].len() == 1200 && alone[0] != alone[1]);
 
     // By turns in one thread: three sessions, two of them of one world.
-    let mut sessions = [begin(0)?, begin(1)?, begin(0)?];
+    let sessions: Result<Vec<_>, _> = [0, 1, 0].into_iter().map(begin).collect();
+    let mut sessions = sessions?;
     let mut turns: [Vec<Vec<u64>>; 3] = Default::default();
     for _ in 0..1200 {
         for (session, ticks) in sessions.iter_mut().zip(&mut turns) {

@@ -342,7 +342,7 @@ name = "base"
   x.toml:1: missing field `name`
 [loop]
   -> [lop]
-  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `obstacle`, `tool`, `contact`, `device`; did you mean `loop`?
+  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `machine`, `gravity`, `body`, `obstacle`, `tool`, `contact`, `device`; did you mean `loop`?
 [body.material]
   -> [body.metal]
   x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`, `contact_thickness`, `self_contact`, `tear`

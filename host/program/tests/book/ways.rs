@@ -99,6 +99,14 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ("palpate view run.mcap", With("--speed 100")),
     // Runs whose length is not their point.
     (
+        "palpate doctor",
+        Arguments("its exit code is that of the machine"),
+    ),
+    (
+        "palpate doctor --script tune.sh",
+        Arguments("its exit code is that of the machine"),
+    ),
+    (
         "palpate latency --duration 300 --plot latency.svg --report latency.md",
         Changed(&[("300", "1")]),
     ),

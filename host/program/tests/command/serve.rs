@@ -116,7 +116,10 @@ impl Drop for Served {
 
 fn settings(folder: &Path, more: &str) -> Outcome {
     let socket = folder.join("status.sock");
-    let text = format!("serve.socket = {socket:?}\nserve.retry = 0.1\n{more}\n");
+    let text = format!(
+        "serve.socket = \"{}\"\nserve.retry = 0.1\n{more}\n",
+        socket.display()
+    );
     Ok(fs::write(folder.join("palpate.toml"), text)?)
 }
 
@@ -139,7 +142,7 @@ fn manager(folder: &Path) -> Result<UnixDatagram, Box<dyn Error>> {
 fn logs(folder: &Path) -> Result<Vec<String>, Box<dyn Error>> {
     let names = fs::read_dir(folder)?.flatten();
     let names = names.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let mut logs: Vec<_> = names.filter(|name| name.ends_with(".mcap")).collect();
+    let mut logs: Vec<_> = names.filter(|name| name.starts_with("palpate-")).collect();
     logs.sort();
     Ok(logs)
 }
