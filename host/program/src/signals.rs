@@ -109,12 +109,13 @@ pub(super) struct Ending {
 }
 
 impl Ending {
-    /// Installs the handlers of a command that serves: SIGHUP asks it to read its configuration again, and ends nothing.
+    /// Installs the handlers of a command that serves and has an operator: SIGHUP asks it to read its configuration again, and
+    /// ends nothing.
     ///
     /// # Errors
     /// As [`Self::begin`].
     pub(super) fn serving() -> Result<Self, CommandError> {
-        Self::install(false, true).map_err(CommandError::Signals)
+        Self::install(true, true).map_err(CommandError::Signals)
     }
 
     /// Whether SIGHUP has come since the last call.

@@ -16,7 +16,7 @@ use host::plot::write_picture;
 use host::run::{Clock, Progress, RunOptions};
 use host::scene::{Field, Override};
 use load::{Kind, Load};
-use runner::Cores;
+use runner::{Cores, Reserved};
 use std::path::PathBuf;
 use std::sync::Arc;
 use study::latency::chart::{chart, table};
@@ -152,12 +152,16 @@ impl LatencyArguments {
 }
 
 pub(super) fn run(arguments: &LatencyArguments) -> Result<(), CommandError> {
-    let ending = Ending::begin(false)?;
     let loaded = arguments
         .scene
         .values
         .load(arguments.scene.scene.as_deref(), arguments.replaced()?)?;
     let settings = arguments.machine.resolve(Some(&loaded))?;
+    // The thread that starts here leaves the core of the tick free, as the threads of the run do.
+    let (core, idle) = (settings.core.value, settings.idle_sibling.value);
+    let reserved = Reserved::new(core, idle, &Cores::of_this_machine());
+    let ending = Ending::begin(false)?;
+    drop(reserved);
     let _held = Declared::default()
         .scene(arguments.scene.scene.as_deref(), &loaded)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)

@@ -7,9 +7,11 @@
 mod notify;
 pub(crate) mod status;
 
+use super::operator;
 use super::settings::{self, MachineArguments};
 use super::signals::Ending;
 use super::{COMMIT, CommandError, load, sets::Sets};
+use devices::panel::Panel;
 use host::log::series::SeriesOptions;
 use host::run::observer::Observers;
 use host::run::{Clock, Progress, RunOptions, run_watched};
@@ -17,7 +19,7 @@ use host::scene::LoadedScene;
 use host::scene::settings::Settings;
 use host::world::World;
 use notify::Notify;
-use runner::Stop;
+use runner::{Cores, Reserved, Stop};
 use status::{Board, DeviceStatus, Watch};
 use std::path::Path;
 use std::sync::Arc;
@@ -27,6 +29,7 @@ const EXAMPLES: &str = "\
 Signals:
   SIGTERM, SIGINT   release the forces, end the logs, and end with exit code 0
   SIGHUP            read settings and scene again; if they are wrong, the old run goes on
+  SIGUSR2, SIGUSR1  arm the devices; stop their forces (systemctl kill -s USR2 palpate)
 
 Examples:
   palpate serve                                run the scene of /etc/palpate/palpate.toml
@@ -96,6 +99,8 @@ enum End {
 /// The program between its runs.
 struct Server<'a> {
     machine: &'a MachineArguments,
+    /// The operator's orders.
+    panel: Panel,
     ending: Ending,
     notify: Notify,
     board: Board,
@@ -104,8 +109,14 @@ struct Server<'a> {
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
-    let ending = Ending::serving()?;
     let mut current = Configured::read(&arguments.machine)?;
+    // The threads that start here leave the core of the tick free, as the threads of the run do.
+    let settings = &current.settings;
+    let (core, idle) = (settings.core.value, settings.idle_sibling.value);
+    let reserved = Reserved::new(core, idle, &Cores::of_this_machine());
+    let ending = Ending::serving()?;
+    let panel = Panel::default();
+    operator::begin(&panel)?;
     let board = Board::new();
     // Another socket takes another start of the program.
     let socket = current.settings.socket.value.clone();
@@ -114,8 +125,10 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
         path: socket.clone(),
         source,
     })?;
+    drop(reserved);
     let mut server = Server {
         machine: &arguments.machine,
+        panel,
         ending,
         notify: Notify::from_environment(),
         board,
@@ -163,6 +176,7 @@ impl Server<'_> {
         let mut options = RunOptions {
             duration: Some(WITHOUT_END),
             series: configured.series(),
+            panel: self.panel.clone(),
             stop: Arc::clone(&stop),
             commit: COMMIT,
             ..RunOptions::new(Clock::Real)
