@@ -401,6 +401,8 @@ name = 'd'
 model = 'falcon'
 [device.engage]
 [device.mounting]
+[device.square_wave]
+force = [0, 0, 1]
 [device.hand]
 ";
 

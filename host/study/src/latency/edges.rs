@@ -1,7 +1,7 @@
 //! From an edge of force to the first motion of the handle: a bound on the latency of a device that does not tell it.
 //!
 //! A square wave (`rt_core::square_wave`) changes the force on the handle in known ticks. Before an edge, the handle moves along
-//! a parabola, since its acceleration changes little in [`BEFORE`] ticks. The parabola is fitted to these ticks and continued.
+//! a parabola, since its acceleration changes little in twenty ticks. The parabola is fitted to these ticks and continued.
 //! The first reading that leaves it by more than three times the largest residual of the fit is the first motion. The time from
 //! the command to this reading contains the latency of the command, the time in which the handle covers that distance, and the
 //! latency of the reading. It is therefore an upper bound on each of the latencies.

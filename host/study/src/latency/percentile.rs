@@ -9,7 +9,7 @@
 //! percentile unless a binomial test rejects the percentile's fraction at that level.
 //!
 //! A level that few values exceed does not show how these values cluster. Its design effect is therefore the largest among
-//! the levels down to one that [`ENOUGH`] values exceed.
+//! the levels down to one that two hundred values exceed.
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
