@@ -217,7 +217,8 @@ fn a_client_receives_the_messages_of_the_log() {
             "patches",
             "touch",
             "turn",
-            "way"
+            "way",
+            "stamps"
         ])
     );
 

@@ -19,7 +19,7 @@ total_mib = 500
 fn scene(tables: &str) -> LoadedScene {
     // The smallest scene: a tool above a plane.
     let text = format!(
-        "name = 'a'\n{tables}[[device]]\nname = 'd'\nmodel = 'falcon'\n[[obstacle]]\nname = 'o'\nshape = 'plane'\n\
+        "name = 'a'\n{tables}[[device]]\nname = 'd'\nmodel = 'falcon'\nhand = {{}}\n[[obstacle]]\nname = 'o'\nshape = 'plane'\n\
          [[tool]]\nname = 't'\ndevice = 'd'\nradius = 0.01\nposition = [0, 0, 0.2]\n"
     );
     Scene::load_texts("a.toml", &text, &BTreeMap::new()).expect("a scene")
