@@ -23,7 +23,7 @@ const SLOW_READ: u64 = 300;
 const FAULTS: u64 = 600;
 const SLOW_WRITE: u64 = 800;
 const LATE: u64 = 1000;
-const TICKS: u64 = 1200;
+const TICKS: u64 = 2000;
 const PAUSE: Duration = Duration::from_millis(150);
 /// Pages that a tick touches first.
 const PAGES: usize = 4000;
