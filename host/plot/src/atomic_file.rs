@@ -26,33 +26,45 @@ pub struct AtomicFileError {
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
 pub fn write_atomically(path: &Path, content: &[u8]) -> Result<(), AtomicFileError> {
-    replace(path, content).map_err(|source| AtomicFileError {
+    write_with(path, |to| to.write_all(content))
+}
+
+/// Replaces the file at `path` by what `write` writes, as [`write_atomically`] does: for a content that is too large for
+/// the memory.
+///
+/// # Errors
+/// Those of [`write_atomically`], and those of `write`.
+pub fn write_with(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), AtomicFileError> {
+    replace(path, write).map_err(|source| AtomicFileError {
         path: path.to_owned(),
         source,
     })
 }
 
-fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     match stream(path) {
         Some(Stream::Output) => {
             let mut output = io::stdout().lock();
-            return match output.write_all(content).and_then(|()| output.flush()) {
+            return match write(&mut output).and_then(|()| output.flush()) {
                 // Its reader has read enough.
                 Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
                 written => written,
             };
         }
-        Some(Stream::Error) => return io::stderr().lock().write_all(content),
+        Some(Stream::Error) => return write(&mut io::stderr().lock()),
         None => {}
     }
     let target = target(path);
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => return open_stream(path)?.write_all(content),
+        Ok(there) if !there.is_file() => return write(&mut open_stream(path)?),
         _ => {}
     }
     let mut file = temporary_file(folder_of(&target))?;
-    file.write_all(content)?;
+    write(file.as_file_mut())?;
     if let Ok(there) = fs::metadata(&target) {
         // Who may read and write the file stays as its owner set it.
         file.as_file().set_permissions(there.permissions())?;

@@ -35,7 +35,7 @@ pub(super) struct DoctorArguments {
 
 /// The JSON that `--json` writes.
 #[derive(Serialize)]
-struct DoctorJson {
+pub(super) struct DoctorJson {
     /// Version of this layout.
     schema: &'static str,
     /// The core of the tick for which the machine was judged.
@@ -44,6 +44,17 @@ struct DoctorJson {
     priority: u8,
     /// The checks.
     checks: Vec<CheckJson>,
+}
+
+impl From<Report> for DoctorJson {
+    fn from(report: Report) -> Self {
+        Self {
+            schema: "palpate.doctor/1",
+            core: report.core,
+            priority: report.priority,
+            checks: report.checks.into_iter().map(CheckJson::from).collect(),
+        }
+    }
 }
 
 /// A check of `palpate doctor`.
@@ -103,13 +114,7 @@ pub(super) fn run(arguments: &DoctorArguments) -> Result<(), CommandError> {
         report.count(Verdict::Unknown),
     );
     if let Some(path) = &arguments.json {
-        let json = DoctorJson {
-            schema: "palpate.doctor/1",
-            core: report.core,
-            priority: report.priority,
-            checks: report.checks.into_iter().map(CheckJson::from).collect(),
-        };
-        write_json(path, &json)?;
+        write_json(path, &DoctorJson::from(report))?;
     }
     match (lacking, unknown) {
         (0, 0) => Ok(()),
@@ -118,13 +123,18 @@ pub(super) fn run(arguments: &DoctorArguments) -> Result<(), CommandError> {
     }
 }
 
+/// The checks of this machine.
+pub(super) fn examined(asked: &Asked) -> DoctorJson {
+    doctor::examine(Path::new("/"), asked).into()
+}
+
 /// The line at the start of a run under the real clock.
 pub(super) fn line(settings: &Settings) -> String {
     doctor::examine(Path::new("/"), &asked(settings)).line()
 }
 
 /// The core and the priority for which the machine is judged.
-fn asked(settings: &Settings) -> Asked {
+pub(super) fn asked(settings: &Settings) -> Asked {
     let core = match settings.core.value {
         CoreChoice::Id(core) => Some(core),
         // The choice of a run.

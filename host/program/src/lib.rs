@@ -10,6 +10,7 @@
 mod printing;
 
 mod bench;
+mod bugreport;
 mod compare;
 mod device;
 mod doctor;
@@ -97,6 +98,8 @@ enum Task {
     Serve(serve::ServeArguments),
     /// Ask a program that serves what it does
     Status(status::StatusArguments),
+    /// Pack machine, settings, checks, messages and the last log into one archive, for an issue
+    Bugreport(bugreport::BugreportArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
@@ -375,6 +378,7 @@ fn execute(command: Option<Task>) -> u8 {
         Task::Settings(arguments) => settings::run(&arguments),
         Task::Serve(arguments) => serve::run(&arguments),
         Task::Status(arguments) => status::run(&arguments),
+        Task::Bugreport(arguments) => bugreport::run(&arguments),
         Task::Solve(arguments) => solve::run(&arguments),
         Task::Compare(arguments) => compare::run(&arguments),
         Task::Sweep(arguments) => sweep::run(&arguments),

@@ -46,13 +46,15 @@ pub(super) enum Format {
     Mesh,
     /// A text for people.
     Text,
+    /// Several files in one.
+    Archive,
 }
 
 /// The endings that say a format. A file may have any other ending, or none.
-const KNOWN_ENDINGS: [&str; 28] = [
+const KNOWN_ENDINGS: [&str; 29] = [
     "svg", "svgz", "png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "ps", "eps",
     "html", "json", "jsonl", "ndjson", "csv", "tsv", "toml", "mcap", "bag", "msh", "vtk", "vtu",
-    "pvd", "obj", "md",
+    "pvd", "obj", "md", "tar",
 ];
 
 impl Format {
@@ -69,6 +71,7 @@ impl Format {
             Self::Script => &["sh"],
             Self::Mesh => &["msh", "vtk", "vtu"],
             Self::Text => &["md", "txt"],
+            Self::Archive => &["tar"],
         }
     }
 

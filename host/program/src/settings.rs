@@ -39,9 +39,37 @@ pub(super) struct MachineArguments {
     /// which is above threaded interrupts (50) and below the kernel's own watchdogs (99)
     #[arg(long, value_name = "P", value_parser = priority)]
     pub(super) priority: Option<u8>,
+    #[command(flatten)]
+    file: SettingsFile,
+}
+
+/// The flag of a command that needs the settings of the machine.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct SettingsFile {
     /// File of the machine's settings. Default: /etc/palpate/palpate.toml, if it exists
     #[arg(long, value_name = "FILE")]
-    settings: Option<PathBuf>,
+    pub(super) settings: Option<PathBuf>,
+}
+
+impl SettingsFile {
+    /// The settings that hold without a scene.
+    ///
+    /// # Errors
+    /// [`CommandError`] for a wrong file.
+    pub(super) fn resolve(&self) -> Result<Settings, CommandError> {
+        self.with(Flags::default(), None)
+    }
+
+    fn with(&self, flags: Flags, scene: Option<&LoadedScene>) -> Result<Settings, CommandError> {
+        let cores = Cores::of_this_machine();
+        let file = MachineFile::load(self.settings.as_deref())?;
+        let runtime = std::env::var_os("RUNTIME_DIRECTORY").map(PathBuf::from);
+        let settings = Settings::resolve(flags, scene, &file, runtime.as_deref(), &cores)?;
+        if flags.core.is_some() {
+            cores.check(settings.core.value)?;
+        }
+        Ok(settings)
+    }
 }
 
 /// Parses a priority under SCHED_FIFO.
@@ -60,14 +88,7 @@ impl MachineArguments {
             core: self.core,
             priority: self.priority,
         };
-        let cores = Cores::of_this_machine();
-        let file = MachineFile::load(self.settings.as_deref())?;
-        let runtime = std::env::var_os("RUNTIME_DIRECTORY").map(PathBuf::from);
-        let settings = Settings::resolve(flags, scene, &file, runtime.as_deref(), &cores)?;
-        if flags.core.is_some() {
-            cores.check(settings.core.value)?;
-        }
-        Ok(settings)
+        self.file.with(flags, scene)
     }
 }
 
@@ -96,7 +117,7 @@ pub(super) struct SettingsArguments {
 
 /// The JSON that `--json` writes.
 #[derive(Serialize)]
-struct SettingsJson {
+pub(super) struct SettingsJson {
     /// Version of this layout.
     schema: &'static str,
     /// Each setting, in the order of the settings file.
@@ -116,6 +137,21 @@ struct SettingJson {
     place: Option<String>,
 }
 
+impl SettingsJson {
+    pub(super) fn of(settings: &Settings) -> Self {
+        let settings = settings.rows().into_iter().map(|row| SettingJson {
+            field: row.field,
+            value: row.value,
+            from: row.from.kind(),
+            place: row.from.place(),
+        });
+        Self {
+            schema: "palpate.settings/1",
+            settings: settings.collect(),
+        }
+    }
+}
+
 pub(super) fn run(arguments: &SettingsArguments) -> Result<(), CommandError> {
     let scene = arguments.scene.as_deref();
     let loaded = scene
@@ -129,22 +165,11 @@ pub(super) fn run(arguments: &SettingsArguments) -> Result<(), CommandError> {
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let settings = arguments.machine.resolve(loaded.as_ref())?;
-    let rows = settings.rows();
-    for row in &rows {
+    for row in settings.rows() {
         outln!("  {:<24} {:<24} {}", row.field, row.value, row.from);
     }
     if let Some(path) = &arguments.json {
-        let settings = rows.into_iter().map(|row| SettingJson {
-            field: row.field,
-            value: row.value,
-            from: row.from.kind(),
-            place: row.from.place(),
-        });
-        let json = SettingsJson {
-            schema: "palpate.settings/1",
-            settings: settings.collect(),
-        };
-        write_json(path, &json)?;
+        write_json(path, &SettingsJson::of(&settings))?;
     }
     Ok(())
 }

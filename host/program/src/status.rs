@@ -3,7 +3,7 @@
 use super::CommandError;
 use super::outputs::{Declared, Format};
 use super::serve::status::{Status, ask};
-use super::settings::MachineArguments;
+use super::settings::SettingsFile;
 use host::atomic_file::write_json;
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ pub(super) struct StatusArguments {
     #[arg(long, value_name = "SOCKET")]
     socket: Option<PathBuf>,
     #[command(flatten)]
-    machine: MachineArguments,
+    file: SettingsFile,
     /// Write the answer as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -27,7 +27,7 @@ pub(super) fn run(arguments: &StatusArguments) -> Result<(), CommandError> {
         .check()?;
     let path = match &arguments.socket {
         Some(path) => path.clone(),
-        None => arguments.machine.resolve(None)?.socket.value,
+        None => arguments.file.resolve()?.socket.value,
     };
     let status = ask(&path).map_err(|source| CommandError::NotServed { path, source })?;
     status.print();

@@ -4,6 +4,7 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 fn palpate(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
@@ -71,6 +72,41 @@ name = "hand"
 model = "MODEL"
 connect = "CONNECT"
 "#;
+
+/// The threads of a device run on the core that the settings of the machine name, also in a probe.
+#[test]
+fn a_probe_takes_the_settings_of_the_machine() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let settings = folder.path().join("palpate.toml");
+    let probe = |connect: &str, text: &str| {
+        std::fs::write(&settings, text).expect("a temporary folder");
+        let mut command = palpate(&["device", "probe", connect, "--model", "omega3"]);
+        command.arg("--settings").arg(&settings);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().expect("the program runs")
+    };
+    let wrong = probe("tcp:localhost:1", "device_threads.cores = [4000]");
+    let wrong = wrong.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(said.contains("device_threads.cores"), "{said}");
+    assert_eq!(wrong.status.code(), Some(2), "{said}");
+
+    let (_emulated, connect) = emulate("omega3", "pty");
+    let mut probe = Emulated(probe(&connect, "device_threads.cores = [0]"));
+    let tasks = format!("/proc/{}/task", probe.0.id());
+    let on_core_0 = |task: &Path| {
+        let status = std::fs::read_to_string(task.join("status")).unwrap_or_default();
+        let mut lines = status.lines();
+        lines.any(|line| line.starts_with("Cpus_allowed_list:") && line.ends_with("\t0"))
+    };
+    let mut found = false;
+    while !found && probe.0.try_wait().expect("a process").is_none() {
+        let tasks = std::fs::read_dir(&tasks).into_iter().flatten().flatten();
+        found = tasks.map(|task| task.path()).any(|task| on_core_0(&task));
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(found, "no thread of the probe is confined to core 0");
+}
 
 /// Probes an emulated device, and runs a scene with it, with its log and a replay.
 fn probed_and_held(model: &str, on: &str) {
@@ -352,7 +388,7 @@ fn comes_back_on_a_pty(model: &str) {
         while !holds(&run, &silent(&file("run.csv"))) {
             let ended = run.try_wait().expect("a child");
             assert!(ended.is_none(), "{model}: the run ended before {what}");
-            std::thread::sleep(std::time::Duration::from_millis(20));
+            std::thread::sleep(Duration::from_millis(20));
         }
     };
     until("the device gave a state", &|_, silent| {

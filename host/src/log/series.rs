@@ -59,6 +59,14 @@ fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// The last file of all series in a folder; `None` if there is none.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn last(folder: &Path) -> io::Result<Option<PathBuf>> {
+    Ok(files(folder)?.pop())
+}
+
 /// The file at `file` and the parts of its run that follow it without a gap. A file of another name stands alone.
 pub fn with_successors(file: &Path) -> Vec<PathBuf> {
     let mut all = vec![file.to_owned()];
@@ -76,8 +84,7 @@ impl Series {
     /// # Errors
     /// The folder cannot be read.
     pub(crate) fn new(options: &SeriesOptions) -> io::Result<Self> {
-        let last = files(&options.folder)?.pop();
-        let last = last.as_deref().and_then(numbers);
+        let last = last(&options.folder)?.as_deref().and_then(numbers);
         Ok(Self {
             options: options.clone(),
             run: last.map_or(1, |(run, _)| run.saturating_add(1)),

@@ -7,8 +7,8 @@ use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::Reading;
 use rt_core::{Capabilities, Vec3};
+use runner::ThreadPlace;
 use runner::schedule::DEVICE_PRIORITY;
-use runner::{Confined, ThreadPlace};
 use sim::protocol::Protocol;
 use sim::{Hand, Held};
 use std::sync::mpsc::Sender;
@@ -28,15 +28,8 @@ pub(super) fn open(
     let loaded = world.loaded;
     let registry = registry(world, seed)?;
     let mut told = Vec::new();
-    // The threads of the devices inherit the cores of this thread.
-    let confined = (!threads.cores.is_empty()).then(|| Confined::to(&threads.cores));
-    let _confined = match confined.transpose() {
-        Ok(confined) => confined,
-        Err(degradation) => {
-            told.push(degradation.to_string());
-            None
-        }
-    };
+    let confined = threads.confine();
+    told.extend(confined.as_ref().err().map(ToString::to_string));
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
         let driver = registry.driver(&spec.connect.driver);
@@ -67,6 +60,7 @@ pub(super) fn open(
         Ok(device)
     });
     let opened = opened.collect::<Result<_, _>>()?;
+    drop(confined);
     Ok((opened, told))
 }
 

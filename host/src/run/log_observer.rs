@@ -61,11 +61,7 @@ impl Next {
     /// Begins the next file. A file whose beginning does not reach the disk is removed again.
     fn begin(&mut self) -> Result<Writer, LogError> {
         let path = self.series.next();
-        let begun = LogFile::open(&path).and_then(|file| {
-            let mut log = (self.begin)(file)?;
-            log.flush()?;
-            Ok(log)
-        });
+        let begun = LogFile::open(&path).and_then(&self.begin);
         if begun.is_err() {
             self.series.give_up();
         }

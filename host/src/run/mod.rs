@@ -418,7 +418,7 @@ fn observers(
     others: Observers,
     (log, mut tears): (Option<LogParts>, Option<&mut TearSender>),
     logged: &Arc<AtomicU64>,
-    series: Option<Series>,
+    mut series: Option<Series>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
     let mut listen = || {
@@ -443,9 +443,16 @@ fn observers(
         for (group, index, name) in &groups {
             log.add(*group, *index, name)?;
         }
+        // A full disk is known before the first tick.
+        log.flush()?;
         Ok(log)
     };
-    let log = begin(file)?;
+    let log = begin(file).inspect_err(|_| {
+        // A service tries again and again, and leaves no beginnings behind.
+        if let Some(series) = &mut series {
+            series.give_up();
+        }
+    })?;
     let clock = options.clock;
     let next = series.map(|series| Next {
         series,

@@ -80,6 +80,17 @@ pub struct ThreadPlace {
     pub priority: u8,
 }
 
+impl ThreadPlace {
+    /// Confines the calling thread to the cores, if there are any: the threads that it starts inherit them.
+    ///
+    /// # Errors
+    /// As [`Confined::to`].
+    pub fn confine(&self) -> Result<Option<Confined>, Degradation> {
+        let confined = (!self.cores.is_empty()).then(|| Confined::to(&self.cores));
+        confined.transpose()
+    }
+}
+
 impl Default for ThreadPlace {
     /// With the other threads, above them.
     fn default() -> Self {

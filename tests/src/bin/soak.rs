@@ -1,8 +1,8 @@
 //! A long run under the real clock on a busy machine, with checks of its counts.
 //!
-//! `tests/soak [SECONDS] [ARGUMENTS OF palpate run]`. While the program runs, this one spins on every core, moves
-//! memory and writes files. Times are not checked, because a loaded machine is late. Every lost tick must be counted,
-//! and memory must not grow.
+//! `tests/soak [SECONDS] [ARGUMENTS OF palpate run]`, or `tests/soak serve [SECONDS]` for the service with a series of logs.
+//! While the program runs, this one spins on every core, moves memory and writes files. Times are not checked, because a
+//! loaded machine is late. Every lost tick must be counted, memory must not grow, and the logs of the service must replay.
 
 use serde_json::Value;
 use std::fs::File;
@@ -34,7 +34,8 @@ fn main() -> ExitCode {
 }
 
 fn soak() -> Result<(), String> {
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = std::env::args().skip(1).peekable();
+    let serves = arguments.next_if(|first| first == "serve").is_some();
     let seconds: u64 = match arguments.next() {
         None => TEN_MINUTES,
         Some(text) => text
@@ -47,11 +48,18 @@ fn soak() -> Result<(), String> {
     };
     let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
     let json = folder.path().join("run.json");
-    let mut program = Command::new(beside("palpate")?)
-        .args(["run", "--clock", "real", "--duration", &seconds.to_string()])
+    let mut command = Command::new(beside("palpate")?);
+    if serves {
+        let settings = settings(folder.path()).map_err(|e| format!("no settings: {e}"))?;
+        command.arg("serve").arg("--settings").arg(settings);
+    } else {
+        command
+            .args(["run", "--clock", "real", "--duration", &seconds.to_string()])
+            .arg("--log")
+            .arg(folder.path().join("run.mcap"));
+    }
+    let mut program = command
         .args(arguments)
-        .arg("--log")
-        .arg(folder.path().join("run.mcap"))
         .arg("--json")
         .arg(&json)
         .spawn()
@@ -66,7 +74,7 @@ fn soak() -> Result<(), String> {
         scope.spawn(|| move_memory(&over));
         let file = folder.path().join("load");
         scope.spawn(|| write_files(file, &over));
-        let result = watch(&mut program, seconds);
+        let result = watch(&mut program, seconds, serves);
         over.store(true, Ordering::Relaxed);
         result
     })?;
@@ -75,7 +83,49 @@ fn soak() -> Result<(), String> {
     }
     let text = std::fs::read(&json).map_err(|e| format!("no summary: {e}"))?;
     let summary = serde_json::from_slice(&text).map_err(|e| format!("no summary: {e}"))?;
-    judge(&summary, &memory)
+    judge(&summary, &memory)?;
+    if serves {
+        replay(folder.path(), &summary)?;
+    }
+    Ok(())
+}
+
+/// The settings of the service, whose logs turn over every few seconds.
+fn settings(folder: &Path) -> std::io::Result<PathBuf> {
+    let (file, logs) = (folder.join("palpate.toml"), folder.join("logs"));
+    std::fs::create_dir(&logs)?;
+    let socket = folder.join("status.sock");
+    let text = format!("log.folder = {logs:?}\nserve.socket = {socket:?}\nserve.file_mib = 8\n");
+    std::fs::write(&file, text)?;
+    Ok(file)
+}
+
+/// Replays the logs of the service, from the first file on. They must hold each record of the run.
+fn replay(folder: &Path, summary: &Value) -> Result<(), String> {
+    let logs = folder.join("logs");
+    let files = std::fs::read_dir(&logs).map_err(|e| format!("no logs: {e}"))?;
+    println!("soak: {} files of logs", files.count());
+    let output = Command::new(beside("palpate")?)
+        .arg("run")
+        .arg("--replay")
+        .arg(logs.join("palpate-000001-0001.mcap"))
+        .output()
+        .map_err(|e| format!("palpate cannot be run: {e}"))?;
+    let said = String::from_utf8_lossy(&output.stdout);
+    print!("{said}");
+    let records = summary.pointer("/tick/records").and_then(Value::as_u64);
+    let records = records.unwrap_or_default().to_string();
+    let all = said
+        .split(|c: char| !c.is_ascii_digit())
+        .any(|number| number == records);
+    if output.status.success() && all {
+        Ok(())
+    } else {
+        Err(format!(
+            "the replay of the logs does not have {records} ticks: {}",
+            String::from_utf8_lossy(&output.stderr)
+        ))
+    }
 }
 
 /// A program in the folder of this one.
@@ -134,8 +184,9 @@ struct Memory {
     most_later: u64,
 }
 
-/// Reads the memory of the program twice a second until it ends. Also returns whether the program succeeded.
-fn watch(program: &mut Child, seconds: u64) -> Result<(Memory, bool), String> {
+/// Reads the memory of the program twice a second until it ends; `ends`: until it is asked to end after `seconds`. Also
+/// returns whether the program succeeded.
+fn watch(program: &mut Child, seconds: u64, ends: bool) -> Result<(Memory, bool), String> {
     let path = PathBuf::from(format!("/proc/{}/status", program.id()));
     // A tenth of the run, between one second and thirty.
     let warm_up = 2 * (seconds / 10).clamp(1, 30);
@@ -153,6 +204,10 @@ fn watch(program: &mut Child, seconds: u64) -> Result<(Memory, bool), String> {
             memory.after_warm_up = memory.after_warm_up.max(resident);
         } else {
             memory.most_later = memory.most_later.max(resident);
+        }
+        if ends && sample == 2 * seconds {
+            let asked = Command::new("kill").arg(program.id().to_string()).status();
+            asked.map_err(|e| format!("the program cannot be ended: {e}"))?;
         }
         std::thread::sleep(Duration::from_millis(500));
     }

@@ -4,6 +4,7 @@ use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::progress_bar;
 use super::super::signals::Ending;
+use super::open::DeviceArguments;
 use super::{DeviceCommandError, open};
 use devices::identify::{Estimate, Guide, Identified};
 use host::atomic_file::{write_atomically, write_json};
@@ -17,20 +18,12 @@ use std::time::{Duration, Instant, SystemTime};
 const PERIOD: f64 = 1e-3;
 /// Ticks between two positions of the progress bar.
 const DRAWN: u32 = 250;
-/// Priority of the ticks under SCHED_FIFO, if allowed: that of the tick of a run.
-const PRIORITY: u8 = 80;
 
 /// Arguments of `palpate device identify`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct IdentifyArguments {
-    /// The connection of the device, as a scene names it
-    connect: String,
-    /// The present profile of the device: a built-in device, or a device file
-    #[arg(long, value_name = "MODEL")]
-    model: String,
-    /// The firmware file, for a Falcon
-    #[arg(long, value_name = "FILE")]
-    firmware: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArguments,
     /// Date for the sources of the numbers, such as 2026-11-25. Default: today (UTC)
     #[arg(long, value_name = "DATE")]
     date: Option<String>,
@@ -77,12 +70,9 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     let open::Opened {
         mut device,
         file: base,
+        priority,
         ..
-    } = open::device(
-        &arguments.connect,
-        &arguments.model,
-        arguments.firmware.as_deref(),
-    )?;
+    } = open::device(&arguments.device)?;
     let refused = |error: devices::identify::IdentifyError| {
         CommandError::from(DeviceCommandError::Unidentified(error.to_string()))
     };
@@ -94,7 +84,7 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     );
     open::wait_for_state(&mut *device, PERIOD, ending.stop())?;
     // A tick that comes late is a force that lasts too long. Without the privilege the motion may end early.
-    let _ = realtime(PRIORITY);
+    let _ = realtime(priority);
     let bar = progress_bar();
     let start = Instant::now();
     for tick in 0_u32.. {
@@ -124,7 +114,7 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     };
     let found = found.map_err(refused)?;
     let date = arguments.date.clone().unwrap_or_else(today);
-    print(&arguments.connect, &found);
+    print(&arguments.device.connect, &found);
     if let Some(path) = &arguments.profile {
         write_atomically(path, found.profile(&base, &date).as_bytes())?;
         outln!("  {:<10} {}", "profile", path.display());
@@ -184,7 +174,7 @@ fn json(arguments: &IdentifyArguments, date: String, found: &Identified) -> Iden
     let numbers = |estimate: &Estimate| [estimate.value, estimate.low, estimate.high];
     IdentifiedJson {
         schema: "palpate.identified/1",
-        connect: arguments.connect.clone(),
+        connect: arguments.device.connect.clone(),
         date,
         mass: numbers(&found.mass),
         damping: numbers(&found.damping),

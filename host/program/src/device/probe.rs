@@ -5,7 +5,7 @@ use super::super::outputs::{Declared, Format};
 use super::super::progress_bar;
 use super::super::signals::Ending;
 use super::DeviceCommandError;
-use super::open::{self, Opened};
+use super::open::{self, DeviceArguments, Opened};
 use devices::DeviceModel;
 use devices::response::{Pulses, Response, ResponseError};
 use host::atomic_file::write_json;
@@ -19,21 +19,12 @@ use study::probe::{Known, Motion, Probed, Seen};
 
 /// Ticks between two positions of the progress bar.
 const DRAWN: u64 = 250;
-/// Priority of the ticks under SCHED_FIFO, if allowed: that of the tick of a run.
-const PRIORITY: u8 = 80;
 
 /// Arguments of `palpate device probe`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ProbeArguments {
-    /// The connection of the device, as a scene names it: hid:VID:PID, woodenhaptics, falcon, tty:PATH, tcp:HOST:PORT,
-    /// plugin:FILE
-    connect: String,
-    /// The profile of the device: a built-in device, or a device file
-    #[arg(long, value_name = "MODEL")]
-    model: String,
-    /// The firmware file, for a Falcon
-    #[arg(long, value_name = "FILE")]
-    firmware: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArguments,
     /// Duration of the measurement (s)
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = super::super::run::seconds)]
     duration: f64,
@@ -56,17 +47,14 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         mut device,
         file,
         identity,
-    } = open::device(
-        &arguments.connect,
-        &arguments.model,
-        arguments.firmware.as_deref(),
-    )?;
+        priority,
+    } = open::device(&arguments.device)?;
     let bar = progress_bar();
     let period = Duration::from_millis(1);
     let ticks = (arguments.duration * 1e3).ceil() as u64;
     let mut seen = Seen::new(ticks as usize);
     // The intervals are those of the clock of the device, so a refusal costs states, and no accuracy.
-    let _ = realtime(PRIORITY);
+    let _ = realtime(priority);
     let start = Instant::now();
     for tick in 0..ticks {
         let due = period * tick as u32;
@@ -94,7 +82,7 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         patience: patience(&file.model, period.as_secs_f64()).into(),
     };
     let tick_rate = 1.0 / period.as_secs_f64();
-    let mut probed = Probed::new(&arguments.connect, known, tick_rate, &seen);
+    let mut probed = Probed::new(&arguments.device.connect, known, tick_rate, &seen);
     let mut unmoved = None;
     if arguments.pulse && probed.states > 0 && !stop.is_requested() {
         match pulses(&mut *device, &file.model, stop) {

@@ -8,10 +8,12 @@ mod notify;
 pub(crate) mod status;
 
 use super::operator;
+use super::outputs::{Declared, Format};
 use super::settings::{self, MachineArguments};
 use super::signals::Ending;
 use super::{COMMIT, CommandError, load, sets::Sets};
 use devices::panel::Panel;
+use host::atomic_file::write_json;
 use host::log::series::SeriesOptions;
 use host::run::observer::Observers;
 use host::run::{Clock, Progress, RunOptions, run_watched};
@@ -21,7 +23,7 @@ use host::world::World;
 use notify::Notify;
 use runner::{Cores, Reserved, Stop};
 use status::{Board, DeviceStatus, Watch};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -42,6 +44,8 @@ Examples:
 const WITHOUT_END: f64 = 1e9;
 /// Time between two looks for a signal while the program waits.
 const LOOK: Duration = Duration::from_millis(50);
+/// Ticks without a log after which the program says so (s of ticks).
+const WITHOUT_LOG: f64 = 5.0;
 /// Bytes of a MiB.
 const MIB: u64 = 1 << 20;
 
@@ -51,6 +55,9 @@ const MIB: u64 = 1 << 20;
 pub(super) struct ServeArguments {
     #[command(flatten)]
     machine: MachineArguments,
+    /// Write the summary of each run at its end as JSON; the last one stays
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 /// What runs: the settings, and the scene that they name.
@@ -99,6 +106,8 @@ enum End {
 /// The program between its runs.
 struct Server<'a> {
     machine: &'a MachineArguments,
+    /// The file of the summary of the last run.
+    json: Option<&'a Path>,
     /// The operator's orders.
     panel: Panel,
     ending: Ending,
@@ -106,9 +115,14 @@ struct Server<'a> {
     board: Board,
     /// Whether the service manager knows that the program is ready.
     is_ready: bool,
+    /// Whether the last ticks are in no log although the settings want one.
+    lacks_log: bool,
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     let mut current = Configured::read(&arguments.machine)?;
     // The threads that start here leave the core of the tick free, as the threads of the run do.
     let settings = &current.settings;
@@ -128,11 +142,13 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
     drop(reserved);
     let mut server = Server {
         machine: &arguments.machine,
+        json: arguments.json.as_deref(),
         panel,
         ending,
         notify: Notify::from_environment(),
         board,
         is_ready: false,
+        lacks_log: false,
     };
     errln!("{}", super::doctor::line(&current.settings));
     let mut said = String::new();
@@ -197,6 +213,7 @@ impl Server<'_> {
             &mut |progress| {
                 if next.is_none() {
                     self.advance(&progress, &mut last);
+                    self.tell_of_log(&progress, &options, loaded.scene.realtime.rate);
                     next = self.asked();
                     if next.is_some() {
                         stop.request();
@@ -208,6 +225,10 @@ impl Server<'_> {
             (Err(error), _) => End::Failed(error.to_string()),
             (Ok(summary), next) => {
                 out!("{summary}");
+                // The service goes on without the file.
+                if let Some(Err(error)) = self.json.map(|path| write_json(path, &summary)) {
+                    errln!("{error}");
+                }
                 next.unwrap_or_else(|| End::Failed(summary.failures.join("\n")))
             }
         }
@@ -246,6 +267,24 @@ impl Server<'_> {
         let mut status = self.board.open();
         "running".clone_into(&mut status.state);
         (status.ticks, status.logged) = (progress.ticks, progress.logged);
+    }
+
+    /// Tells when ticks are no longer logged, and when they are again. The run goes on without a log.
+    fn tell_of_log(&mut self, progress: &Progress, options: &RunOptions, rate: f64) {
+        let behind = progress.ticks.saturating_sub(progress.logged) as f64;
+        let lacks = options.series.is_some() && behind > WITHOUT_LOG * rate;
+        if lacks == self.lacks_log {
+            return;
+        }
+        self.lacks_log = lacks;
+        if lacks {
+            let said =
+                "the ticks are not logged, because no file can be written; is the disk full?";
+            errln!("{said}");
+            self.board.open().last_failure = Some(said.to_owned());
+        } else {
+            errln!("the ticks are logged again");
+        }
     }
 
     /// What a signal has asked for. A configuration that is wrong is told, and the run goes on.

@@ -44,6 +44,15 @@ fn the_table_the_files_and_the_exit_code_agree() {
 }
 
 #[test]
+fn a_core_that_the_machine_has_not_is_refused() {
+    let output = palpate(&["doctor", "--core", "4000"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("--core") && said.contains("4000"), "{said}");
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
 fn a_run_begins_with_the_doctor_s_line_under_the_real_clock_alone() {
     for (clock, lines) in [("real", 1), ("virtual", 0)] {
         let output = palpate(&["run", "--clock", clock, "--duration", "0.1"]);

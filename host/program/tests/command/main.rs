@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bad_meshes;
+mod bugreport;
 mod compare;
 mod doctor;
 mod killed_frames;

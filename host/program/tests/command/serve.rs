@@ -1,5 +1,6 @@
 //! `palpate serve` and `palpate status` from outside: what the service manager hears, signals, absent devices, kills.
 
+use super::bugreport;
 use serde_json::Value;
 use std::error::Error;
 use std::fs;
@@ -41,8 +42,17 @@ struct Served {
 impl Served {
     /// Starts the program with `more` lines of settings.
     fn begin(folder: &Path, more: &str) -> Result<Self, Box<dyn Error>> {
+        Self::begin_as(folder, more, |command| command)
+    }
+
+    /// The same, by a command that `change` changes.
+    fn begin_as(
+        folder: &Path,
+        more: &str,
+        change: impl FnOnce(Command) -> Command,
+    ) -> Result<Self, Box<dyn Error>> {
         settings(folder, more)?;
-        let mut command = palpate(folder, "serve --settings palpate.toml");
+        let mut command = change(palpate(folder, "serve --settings palpate.toml"));
         command
             .env("NOTIFY_SOCKET", folder.join("notify"))
             .env("WATCHDOG_USEC", "600000");
@@ -96,6 +106,15 @@ impl Served {
         })
     }
 
+    /// Sets the largest size of a file that the program may write (bytes), its messages included.
+    fn room(&self, bytes: &str) -> Outcome {
+        let set = Command::new("prlimit")
+            .arg(format!("--fsize={bytes}:unlimited"))
+            .args(["--pid", &self.child.id().to_string()])
+            .status()?;
+        set.success().then_some(()).ok_or("no limit was set".into())
+    }
+
     fn said(&self) -> String {
         fs::read_to_string(self.folder.join("err")).unwrap_or_default()
     }
@@ -103,6 +122,30 @@ impl Served {
     fn end(mut self) -> Result<Option<i32>, Box<dyn Error>> {
         self.signal("TERM")?;
         Ok(until("the end", || self.child.try_wait().ok()?)?.code())
+    }
+}
+
+/// An emulated device, which is unplugged when this value is dropped.
+struct Emulator(Child);
+
+impl Emulator {
+    fn begin(folder: &Path, port: u16) -> Result<Self, Box<dyn Error>> {
+        let line = format!("device emulate omega3 --on tcp:{port} --tremor 0.0005");
+        let mut command = palpate(folder, &line);
+        Ok(Self(
+            command
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()?,
+        ))
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // A process that has ended is not there.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -205,6 +248,18 @@ fn a_service_is_ready_once_ticks_advance_and_a_wrong_configuration_changes_nothi
             .all(|message| message == "WATCHDOG=1")
     );
 
+    // A report while it serves has its answer, and the ticks so far.
+    let packed = bugreport::palpate(
+        folder.path(),
+        "bugreport packed.tar --settings palpate.toml",
+    );
+    assert_eq!(packed.status.code(), Some(0));
+    let files = bugreport::files(&folder.path().join("packed.tar"));
+    let answer: Value = serde_json::from_slice(&files["status.json"])?;
+    assert_eq!(answer["state"], "running");
+    fs::write(folder.path().join("packed.mcap"), &files["log.mcap"])?;
+    replays(folder.path(), "packed.mcap")?;
+
     // A right one begins another run, with logs of its own.
     served.signal("HUP")?;
     let mut messages = Vec::new();
@@ -289,20 +344,23 @@ fn a_service_waits_for_its_device_and_says_so_once() -> Outcome {
         "{}",
         served.said()
     );
-    let mut emulator = palpate(
-        folder.path(),
-        &format!("device emulate omega3 --on tcp:{port} --tremor 0.0005"),
-    );
-    let mut emulator = emulator
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()?;
-    let running = served.wait_for("running", 300);
-    let code = served.end();
-    let _ = emulator.kill();
-    let _ = emulator.wait();
-    running?;
-    assert_eq!(code?, Some(0));
+    // The device comes, is unplugged, and comes again, while the same run goes on.
+    let mut ticks = 300;
+    for round in 0..3 {
+        let emulator = Emulator::begin(folder.path(), port)?;
+        let fresh = |wanted: bool, least: u64| {
+            until("the device's state", || {
+                let (status, _) = served.status()?;
+                let ticks = status["ticks"].as_u64()?;
+                let found = status["state"] == "running" && ticks >= least;
+                (found && status["devices"][0]["fresh"] == wanted).then_some(ticks)
+            })
+        };
+        ticks = fresh(true, ticks).map_err(|error| format!("round {round}: {error}"))?;
+        drop(emulator);
+        ticks = fresh(false, ticks)?;
+    }
+    assert_eq!(served.end()?, Some(0));
     assert!(logs(folder.path())?.is_empty());
     Ok(())
 }
@@ -320,6 +378,49 @@ fn a_service_that_is_killed_loses_no_log() -> Outcome {
         for log in &logs {
             replays(folder.path(), log)?;
         }
+    }
+    Ok(())
+}
+
+/// A limit on the size of files takes the place of a full disk: the write that crosses the limit fails.
+#[test]
+fn a_service_waits_for_room_and_goes_on_without_a_log_when_there_is_none_left() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let limited = |command: Command| {
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", r#"ulimit -S -f 8; exec "$0" "$@""#])
+            .arg(command.get_program())
+            .args(command.get_args())
+            .current_dir(folder.path());
+        shell
+    };
+    let served = Served::begin_as(folder.path(), "", limited)?;
+    let status = served.wait_for("waiting", 0)?;
+    let failure = status["last_failure"].as_str().unwrap_or_default();
+    assert!(failure.contains("palpate-000001-0001.mcap"), "{status}");
+    sleep(Duration::from_secs(1));
+    assert!(logs(folder.path())?.is_empty(), "attempts leave files");
+    served.room("unlimited")?;
+    served.wait_for("running", 1500)?;
+
+    served.room("4096")?;
+    until("the message", || {
+        let (status, _) = served.status()?;
+        let failure = status["last_failure"].as_str()?;
+        (status["state"] == "running" && failure.contains("not logged")).then_some(())
+    })?;
+    served.room("unlimited")?;
+    until("the second message", || {
+        served.said().contains("logged again").then_some(())
+    })?;
+    assert_eq!(served.said().matches("not logged").count(), 1);
+    assert_eq!(served.end()?, Some(0));
+    let logs = logs(folder.path())?;
+    assert_eq!(logs.len(), 2, "{logs:?}");
+    for log in &logs {
+        let log = host::log::Log::parse(&fs::read(folder.path().join(log))?)?;
+        assert!(log.rows.len() > 100);
     }
     Ok(())
 }
