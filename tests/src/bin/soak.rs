@@ -95,7 +95,11 @@ fn settings(folder: &Path) -> std::io::Result<PathBuf> {
     let (file, logs) = (folder.join("palpate.toml"), folder.join("logs"));
     std::fs::create_dir(&logs)?;
     let socket = folder.join("status.sock");
-    let text = format!("log.folder = {logs:?}\nserve.socket = {socket:?}\nserve.file_mib = 8\n");
+    let text = format!(
+        "log.folder = '{}'\nserve.socket = '{}'\nserve.file_mib = 8\n",
+        logs.display(),
+        socket.display()
+    );
     std::fs::write(&file, text)?;
     Ok(file)
 }

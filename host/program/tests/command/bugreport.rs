@@ -35,9 +35,8 @@ fn an_archive_has_the_parts_that_are_there_and_the_reasons_of_the_others() {
     fs::write(
         here.join("palpate.toml"),
         format!(
-            "serve.socket = {:?}\nlog.folder = {:?}\ntick.priority = 70\n",
-            here.join("no.sock"),
-            here.join("logs")
+            "serve.socket = '{0}/no.sock'\nlog.folder = '{0}/logs'\ntick.priority = 70\n",
+            here.display()
         ),
     )
     .expect("settings");
