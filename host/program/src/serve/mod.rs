@@ -44,8 +44,8 @@ Examples:
 const WITHOUT_END: f64 = 1e9;
 /// Time between two looks for a signal while the program waits.
 const LOOK: Duration = Duration::from_millis(50);
-/// Ticks without a log after which the program says so (s of ticks).
-const WITHOUT_LOG: f64 = 5.0;
+/// The lag of the log behind the ticks from which on the program says so (s of ticks).
+const BEHIND: f64 = 5.0;
 /// Bytes of a MiB.
 const MIB: u64 = 1 << 20;
 
@@ -115,8 +115,8 @@ struct Server<'a> {
     board: Board,
     /// Whether the service manager knows that the program is ready.
     is_ready: bool,
-    /// Whether the last ticks are in no log although the settings want one.
-    lacks_log: bool,
+    /// Whether the log is behind the ticks.
+    is_log_behind: bool,
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
@@ -148,7 +148,7 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), CommandError> {
         notify: Notify::from_environment(),
         board,
         is_ready: false,
-        lacks_log: false,
+        is_log_behind: false,
     };
     errln!("{}", super::doctor::line(&current.settings));
     let mut said = String::new();
@@ -269,21 +269,20 @@ impl Server<'_> {
         (status.ticks, status.logged) = (progress.ticks, progress.logged);
     }
 
-    /// Tells when ticks are no longer logged, and when they are again. The run goes on without a log.
+    /// Tells when the log falls behind the ticks, and when it has caught up. The run goes on.
     fn tell_of_log(&mut self, progress: &Progress, options: &RunOptions, rate: f64) {
         let behind = progress.ticks.saturating_sub(progress.logged) as f64;
-        let lacks = options.series.is_some() && behind > WITHOUT_LOG * rate;
-        if lacks == self.lacks_log {
+        let is_behind = options.series.is_some() && behind > BEHIND * rate;
+        if is_behind == self.is_log_behind {
             return;
         }
-        self.lacks_log = lacks;
-        if lacks {
-            let said =
-                "the ticks are not logged, because no file can be written; is the disk full?";
+        self.is_log_behind = is_behind;
+        if is_behind {
+            let said = "the last ticks are not in the log yet: the disk is full or slow";
             errln!("{said}");
             self.board.open().last_failure = Some(said.to_owned());
         } else {
-            errln!("the ticks are logged again");
+            errln!("the log has caught up with the ticks");
         }
     }
 

@@ -408,13 +408,13 @@ fn a_service_waits_for_room_and_goes_on_without_a_log_when_there_is_none_left() 
     until("the message", || {
         let (status, _) = served.status()?;
         let failure = status["last_failure"].as_str()?;
-        (status["state"] == "running" && failure.contains("not logged")).then_some(())
+        (status["state"] == "running" && failure.contains("not in the log")).then_some(())
     })?;
     served.room("unlimited")?;
     until("the second message", || {
-        served.said().contains("logged again").then_some(())
+        served.said().contains("caught up").then_some(())
     })?;
-    assert_eq!(served.said().matches("not logged").count(), 1);
+    assert_eq!(served.said().matches("not in the log").count(), 1);
     assert_eq!(served.end()?, Some(0));
     let logs = logs(folder.path())?;
     assert_eq!(logs.len(), 2, "{logs:?}");
